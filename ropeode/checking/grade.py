@@ -112,7 +112,11 @@ def grade(
     def other() -> Diagnosis | None:
         return other_rope(reference, known, lambda problem: reference_for(problem, options))
 
-    order, notes = _order(reference, runs, claims, expected, other)
+    @functools.cache
+    def program() -> Diagnosis | None:
+        return _program(reference, runs)
+
+    order, notes = _order(reference, runs, claims, expected, other, program)
     findings = (
         Finding("initial-state", "pass", f"the first sample is the initial state {exactly(off)}"),
         order,
@@ -121,11 +125,13 @@ def grade(
     )
     diagnosis: tuple[Diagnosis, ...] = ()
     wrong = order.status == "fail"
-    if diagnose and len(known) >= FEWEST and (wrong or expected is None):
+    if diagnose and wrong and (mistake := program()) and mistake.cause != "method":
+        diagnosis = (mistake,)
+    elif diagnose and len(known) >= FEWEST and (wrong or expected is None):
         progress("diagnosis", 0.95)
         late = late_samples(reference, known)
         if wrong:
-            diagnosis = _diagnosed(reference, known, files, dts, order, late, other)
+            diagnosis = _diagnosed(reference, known, files, dts, order, late, other, program)
         elif late is not None and _is_unintended(late, order):
             # No claim is refuted, but such a program is hardly intended.
             notes = (*notes, "; ".join(filter(None, (late.words, late.fix))))
@@ -146,11 +152,19 @@ def _order(
     claims: Claims,
     expected: int | None,
     other: Callable[[], Diagnosis | None],
+    program: Callable[[], Diagnosis | None],
 ) -> tuple[Finding, tuple[str, ...]]:
     """The verdict on convergence; no order is needed if a mistake in the files explains all."""
     finding, notes = order_finding(reference, runs, expected)
-    if finding.status != "undetermined":
+    if finding.status == "pass":
         return finding, notes
+    if (named := program()) is not None and named.cause == "float32":
+        line = f"{finding.line}: {named.line}; {named.remedy}"
+        return dataclasses.replace(finding, status="undetermined", line=line), ()
+    if finding.status == "fail":
+        return finding, notes
+    if named is not None and named.cause != "method":
+        return Finding("order", "fail", f"no order; {named.line}", named.evidence), ()
     known = finite(runs)
     if len(known) >= FEWEST:
         late = late_samples(reference, known)
@@ -165,6 +179,15 @@ def _order(
     # Not above: it runs steppers, which takes longer than all the rest.
     advice = functools.partial(more_runs, reference, runs, claims, expected)
     return order_finding(reference, runs, expected, advice)
+
+
+def _program(reference: Reference, runs: Sequence[Run]) -> Diagnosis | None:
+    """The program whose numbers are those of the runs in their first frames."""
+    # Not above: right programs do not need it.
+    from ropeode.checking.diagnosis.program_words import diagnose_program
+
+    states = [(run.dt, run.states) for run in runs]
+    return diagnose_program(reference.problem, states, reference.states)
 
 
 def _is_unintended(late: LateSamples, order: Finding) -> bool:
@@ -184,6 +207,7 @@ def _diagnosed(
     order: Finding,
     late: LateSamples | None,
     other: Callable[[], Diagnosis | None],
+    program: Callable[[], Diagnosis | None],
 ) -> tuple[Diagnosis, ...]:
     """What is wrong with the files, or what they solve instead of the problem."""
     if late is not None:
@@ -196,6 +220,8 @@ def _diagnosed(
         return (_of_files(written),)
     if (rope := other()) is not None:
         return (rope,)
+    if (named := program()) is not None:
+        return (named,)
     solved = _solved(reference, runs)
     if written is None:
         return tuple(_with_what_is_right(each, order) for each in solved)

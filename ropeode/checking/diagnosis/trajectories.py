@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ropeode.checking.diagnosis.damping_per_step import damping_rate_diagnosis
 from ropeode.checking.diagnosis.effective_problem import (
     EffectiveProblem,
     confirmed_problem,
@@ -56,9 +55,6 @@ def diagnose_trajectories(
         (frames, *_beginning(problem, runs, frames))
         for frames in range(min(problem.frames, _MOST_FRAMES, reference.trusted - 1), 0, -1)
     ]
-    for _, part, part_runs in beginnings[:1]:
-        if (per_step := damping_rate_diagnosis(part, part_runs, quantities)) is not None:
-            return (per_step,)
     for frames, part, part_runs in beginnings:
         rounding = {name: _rounding(part_runs, name, part) for name in quantities}
         limit = observe_limit(part, part_runs, quantities, rounding)

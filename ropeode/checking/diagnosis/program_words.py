@@ -1,0 +1,195 @@
+"""What is wrong with the program that computes the positions in files, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from ropeode.checking.diagnosis.limits import Runs
+from ropeode.checking.diagnosis.programs import TERMS, Program, fixed_nodes, power, programs_of
+from ropeode.checking.report import Diagnosis
+from ropeode.checking.simple_numbers import shortest
+from ropeode.problems import Problem
+from ropeode.validation import listed
+
+
+class _Known(NamedTuple):
+    """A mistake that people make.
+
+    Fields:
+        terms: that it changes.
+        power: of dt, to which its change is proportional.
+        values: that it may have.
+        cause: as a `Diagnosis` has it.
+        words: that say it; `{}` is the value.
+        remedy: what to write instead.
+    """
+
+    terms: tuple[str, ...]
+    power: float
+    values: Callable[[float], bool]
+    cause: str
+    words: str
+    remedy: str
+
+
+def _any(value: float) -> bool:
+    return True
+
+
+def _less_than_1(value: float) -> bool:
+    return 0.0 < value < 1.0
+
+
+def _is_0(value: float) -> bool:
+    return value == 0.0
+
+
+def _minus_1(value: float) -> bool:
+    return value == -1.0
+
+
+_KEPT = ("kept", "kept_first", "kept_last")
+_SCALE = "leave it out, or scale it with dt: v *= exp(-rate * dt), or a damping force"
+_ZERO = "set the forces on all nodes to zero before each step"
+# The first that fits is said; others are said by their term, value and power of dt.
+_MISTAKES = (
+    *(
+        _Known((name,), 0.0, _less_than_1, "damping-per-step",
+               "each step keeps {} of the velocity, however long the step is, so that the runs "
+               "have no limit as dt goes to 0", _SCALE)
+        for name in _KEPT
+    ),
+    _Known(("kept", "all"), 0.0, _less_than_1, "damping-per-step",
+           "each step multiplies the new velocity by {}, however long the step is, so that the "
+           "runs have no limit as dt goes to 0", _SCALE),
+    _Known(("old_forces", "old_gravity"), 0.0, _any, "forces-add-up",
+           "the forces are never set to zero: each step adds those of all steps before", _ZERO),
+    _Known(("old_forces",), 0.0, _any, "forces-add-up",
+           "the forces of springs are never set to zero: each step adds those of all steps before",
+           _ZERO),
+    _Known(("first_ends",), 0.0, _is_0, "parameters",
+           "springs do not pull at the node before them", TERMS["first_ends"].remedy),
+    _Known(("second_ends",), 0.0, _is_0, "parameters",
+           "springs do not pull at the node behind them", TERMS["second_ends"].remedy),
+    _Known(("gravity",), 0.0, _minus_1, "parameters",
+           "gravity has the wrong sign", TERMS["gravity"].remedy),
+    _Known(("damping",), 0.0, _is_0, "parameters",
+           "the damping is missing", TERMS["damping"].remedy),
+    _Known(("damping",), 0.0, _minus_1, "parameters",
+           "the damping has the wrong sign", TERMS["damping"].remedy),
+    _Known(("stiffness",), 0.0, _minus_1, "parameters",
+           "springs push where they should pull", TERMS["stiffness"].remedy),
+)  # fmt: skip
+
+
+def diagnose_program(problem: Problem, runs: Runs, truth: np.ndarray) -> Diagnosis | None:
+    """Name the program whose positions are those in files, with its mistake if it has one.
+
+    Arguments:
+        problem: that it should solve.
+        runs: step size and states of each; not-a-number from where it diverged.
+        truth: the right states, ``(times, *state)``.
+
+    Returns:
+        The cause `method` if nothing is wrong in the program; None if no program that is known
+        computes the positions.
+    """
+    programs = programs_of(problem, runs, truth)
+    if not programs:
+        fixed = fixed_nodes(problem, runs, truth)
+        return Diagnosis("fixed-node", _fixed(fixed), {"nodes": fixed}, _PINS) if fixed else None
+    program, *others = programs
+    if program.changed == ("damping",):
+        # Any damping can be said as a further one.
+        others = [each for each in others if each.changed != ("further",)]
+    same = f"to {program.misfit:.1g} of the motion over the first {program.frames} frames"
+    if program.is_right:
+        evidence = {"method": program.method.name, "misfit": program.misfit}
+        return Diagnosis(
+            "method", f"the positions are those of {program.method.name}, {same}", evidence
+        )
+    mass = float(np.mean(problem.args.mass))
+    cause, words, remedy = _said(program, mass)
+    words = "; or, which moves the same, ".join([words, *(_said(each, mass)[1] for each in others)])
+    evidence = {
+        "method": program.method.name,
+        "terms": [
+            {"term": TERMS[name].name, "expected": TERMS[name].expected, "found": [*found.values()]}
+            for changed, found in [(each.changed, each.found) for each in programs]
+            for name in changed
+        ],
+        "dts": [*program.found],
+        "frames": program.frames,
+        "misfit": program.misfit,
+    }
+    line = f"{words}. So changed, {program.method.name} computes the positions in the files, {same}"
+    return Diagnosis(cause, line, evidence, remedy)
+
+
+_PINS = "let the loop over the nodes run from the first to the last"
+
+
+def _fixed(nodes: tuple[int, ...]) -> str:
+    if len(nodes) == 1:
+        return f"node {nodes[0]} never moves, though it is not pinned"
+    return f"nodes {listed(map(str, nodes))} never move, though they are not pinned"
+
+
+def _said(program: Program, mass: float) -> tuple[str, str, str]:
+    """The cause, the words for it, and the remedy."""
+    if program.fixed:
+        return "fixed-node", _fixed(program.fixed), _PINS
+    if program.forgets_velocity:
+        words = "the initial velocity is forgotten: the first step begins with the last position"
+        return "start", f"{words} at the first one", "last = x - dt * v + dt * dt / 2 * a"
+    if program.extra:
+        dt, frame = next(iter(program.extra.items()))
+        words = (
+            f"at dt = {dt:.4g} there is a step too many in frame {frame}: rounded steps are added "
+            "up to a time that is still below the end of the frame"
+        )
+        return "extra-step", words, "count the steps: for (i = 0; i < steps_per_frame; i++)"
+    if program.single:
+        words = "a part of the force, such as the length of a spring, is in single precision"
+        return "float32", words, "compute in double precision throughout"
+    values, exponent = np.array([*program.found.values()]), power(program)
+    value = float(values[0])
+    if exponent == 0.0:
+        value = shortest(value, max(float(np.ptp(values)), 1e-7 * abs(value)))
+    for known in _MISTAKES:
+        if (known.terms, known.power) == (program.changed, exponent) and known.values(value):
+            return known.cause, known.words.format(f"{value:g}"), known.remedy
+    if program.changed[0] in _KEPT and exponent == 1.0:
+        dt = next(iter(program.found))
+        words = f"there is a further damping, of coefficient {(1.0 - value) / dt * mass:.4g}"
+        return "parameters", words, TERMS["further"].remedy
+    return _by_power(program, value, exponent)
+
+
+def _by_power(program: Program, value: float, exponent: float | None) -> tuple[str, str, str]:
+    term = TERMS[program.changed[0]]
+    name = term.name
+    if exponent == 0.0 and program.changed == ("forces",):
+        words = (
+            f"{name} is {value:g} times what it should be, as with {1 / value:.4g} times the mass"
+        )
+        return "parameters", words, term.remedy
+    if exponent == 0.0 and term.expected == 0.0:
+        return "parameters", f"there is {name}, of coefficient {value:g}", term.remedy
+    if exponent == 0.0:
+        return "parameters", f"{name} is {value:g} times what it should be", term.remedy
+    if exponent is not None and exponent > 0.0:
+        more = "once more" if exponent == 1.0 else "twice more"
+        return "step-size", f"{name} is multiplied by dt {more}", term.remedy
+    if exponent is not None and "damping" in name:
+        words = (
+            f"{name} acts once per step, however long the step is, so that the runs have no limit"
+        )
+        return "damping-per-step", f"{words} as dt goes to 0", _SCALE
+    if exponent is not None:
+        return "step-size", f"{name} is divided by dt, or dt is missing there", term.remedy
+    found = ", ".join(f"{each:.4g}" for each in program.found.values())
+    return "step-size", f"{name} is {found} times what it should be, by step size", term.remedy

@@ -1,0 +1,602 @@
+"""The program that computed files of a rope, found by computing the same numbers.
+
+A right program and one with a mistake are short loops of known formulas. Where such a loop, with
+one number changed, gives the positions in the files to rounding, over frames that were not used to
+find that number, the mistake is that number: no limit for small steps is needed, and files of
+coarse or unstable runs tell as much as others.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ropeode.checking.diagnosis.limits import Runs
+from ropeode.checking.written_precision import last_digit
+from ropeode.problems import Problem
+
+# Acceleration of positions and velocities, all ``(copies, dim, nodes)``.
+Acceleration = Callable[[np.ndarray, np.ndarray], np.ndarray]
+# The next positions and velocities.
+Step = Callable[[Acceleration, np.ndarray, np.ndarray, float], tuple[np.ndarray, np.ndarray]]
+
+# A number is found in the first frame; the program must then give those up to here as well. Where
+# steps are many, the second frame is enough.
+_FRAMES = 3
+# How many steps of a run are computed, and of all; those runs come first that have the fewest. A
+# single run does not show which of several changes it is.
+_MOST_STEPS, _MOST_IN_ALL, _FEWEST_RUNS = 2048, 3000, 2
+# How closely positions must agree, as a part of the motion, or times the rounding of their digits.
+_SAME, _OF_ROUNDING = 1e-9, 4.0
+# A change must leave at most this part of how far the right program is from the positions.
+_LEFT = 1e-3
+# The rounding of a whole run, as a relative error of its start; and how much that may explain.
+_LAST_BITS, _LARGEST = 2.0**-46, 1e-3
+# Of a velocity on which its own damping depends.
+_ITERATIONS = 16
+# By how much a term is changed for its derivative, and how often it is corrected.
+_CHANGE, _MOST_CORRECTIONS = 1e-6, 10
+# Where a change is the same for all step sizes, or proportional to a power of them; and how closely
+# counts of steps are whole.
+_ALIKE = 1e-4
+# Positions that differ by at most so many times the rounding of lengths to single precision.
+_AS_SINGLE = 10.0
+
+
+class Term(NamedTuple):
+    """A number in a program that may be wrong.
+
+    Fields:
+        name: as the words of a diagnosis have it.
+        expected: its right value.
+        starts: from which a wrong one is looked for.
+        remedy: how the line of the program should be.
+    """
+
+    name: str
+    expected: float
+    starts: tuple[float, ...]
+    remedy: str
+
+
+_ZERO = "set the forces on all nodes to zero before each step"
+_NO_FACTOR = "multiply no velocity; a damping is a force"
+_FORCE = "f = stiffness * (length - rest_length) * d / length"
+_ENDS = "f[i] += pull; f[i + 1] -= pull"
+_DAMPING = "f -= damping * v"
+TERMS = {
+    "gravity": Term("gravity", 1.0, (1.0,), "a = f / mass + gravity"),
+    "stiffness": Term("the stiffness of springs", 1.0, (1.0, -1.0, 0.5, 2.0), _FORCE),
+    "rest": Term("the rest length of springs", 1.0, (1.0, 0.0), _FORCE),
+    "first_ends": Term("the pull of springs on the node before them", 1.0, (1.0, 0.0), _ENDS),
+    "second_ends": Term("the pull of springs on the node behind them", 1.0, (1.0, 0.0), _ENDS),
+    "damping": Term("the damping", 1.0, (1.0, 0.0), _DAMPING),
+    "further": Term("a further damping of nodes", 0.0, (0.0,), _DAMPING),
+    "dashpot": Term("a damping along each spring", 0.0, (0.0,), _FORCE),
+    "per_spring": Term("a damping of each spring's two nodes", 0.0, (0.0,), _DAMPING),
+    "forces": Term(
+        "the sum of all forces but gravity", 1.0, (1.0, -1.0, 0.5, 2.0), "a = f / mass + gravity"
+    ),
+    "all": Term("the acceleration", 1.0, (1.0, -1.0, 0.5, 2.0), "a = f / mass + gravity"),
+    # A velocity is multiplied after the forces have seen it, before they do, or at the end.
+    "kept": Term("the velocity kept by a step", 1.0, (1.0, 0.99), _NO_FACTOR),
+    "kept_first": Term("the velocity kept by a step", 1.0, (1.0, 0.99), _NO_FACTOR),
+    "kept_last": Term("the velocity kept by a step", 1.0, (1.0, 0.99), _NO_FACTOR),
+    "old_forces": Term("the forces kept from the step before", 0.0, (0.0, 1.0), _ZERO),
+    "old_gravity": Term("the gravity kept from the step before", 0.0, (0.0, 1.0), _ZERO),
+}
+_OF_SPRINGS = {"stiffness", "rest", "first_ends", "second_ends", "dashpot", "forces"}
+# The terms that one mistake changes alike.
+CHANGES: tuple[tuple[str, ...], ...] = (
+    *((name,) for name in TERMS if name != "old_gravity"),
+    ("old_forces", "old_gravity"),
+    # A velocity that is multiplied after the forces have changed it.
+    ("kept", "all"),
+)
+
+
+class Forces:
+    """A rope's forces in several copies of a program, each with terms of its own.
+
+    Arguments:
+        args: the rope's numbers.
+        terms: by name, ``(copies,)`` each.
+        single: whether the lengths of springs are rounded to single precision.
+    """
+
+    def __init__(self, args: Any, terms: dict[str, np.ndarray], *, single: bool = False):
+        self._args, self._single = args, single
+        self._of = {name: value[:, None, None] for name, value in terms.items()}
+        self._old_force: np.ndarray | float = 0.0
+        self._old_gravity: np.ndarray | float = 0.0
+        self._springs_at = np.ones(len(args.mass))
+        self._springs_at[1:-1] = 2.0
+
+    def __call__(self, x: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """The acceleration, of which a program may keep a part for its next step."""
+        of, args = self._of, self._args
+        v = v / of["kept"]
+        force = -(of["damping"] * args.damping + of["further"]) * v
+        force = force - of["per_spring"] * self._springs_at * v
+        if hasattr(args, "stiffness"):
+            pull = self._pull(x, v)
+            force[:, :, :-1] += of["first_ends"] * pull
+            force[:, :, 1:] -= of["second_ends"] * pull
+        force = of["forces"] * force + of["old_forces"] * self._old_force
+        gravity = of["gravity"] * np.reshape(args.gravity, (-1, 1))
+        gravity = gravity + of["old_gravity"] * self._old_gravity
+        self._old_force, self._old_gravity = force, gravity
+        return of["all"] * args.free * (force / args.mass + gravity)
+
+    def _pull(self, x: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """The force of each spring on the node before it."""
+        of, args = self._of, self._args
+        d = np.diff(x, axis=2)
+        length = np.sqrt(np.sum(d * d, axis=1, keepdims=True))
+        if self._single:
+            length = length.astype(np.float32).astype(np.float64)
+        along = d / length
+        apart = np.sum(np.diff(v, axis=2) * along, axis=1, keepdims=True)
+        tension = of["stiffness"] * args.stiffness * (length - of["rest"] * args.rest_length)
+        return (tension + of["dashpot"] * apart) * along
+
+
+def _explicit_euler(a: Acceleration, x: np.ndarray, v: np.ndarray, dt: float) -> Any:
+    return x + dt * v, v + dt * a(x, v)
+
+
+def _semi_implicit_euler(a: Acceleration, x: np.ndarray, v: np.ndarray, dt: float) -> Any:
+    v = v + dt * a(x, v)
+    return x + dt * v, v
+
+
+def _positions_first(a: Acceleration, x: np.ndarray, v: np.ndarray, dt: float) -> Any:
+    x = x + dt * v
+    return x, v + dt * a(x, v)
+
+
+def _kick_drift_kick(a: Acceleration, x: np.ndarray, v: np.ndarray, dt: float) -> Any:
+    v = v + 0.5 * dt * a(x, v)
+    x = x + dt * v
+    return x, v + 0.5 * dt * a(x, v)
+
+
+def _velocity_verlet(a: Acceleration, x: np.ndarray, v: np.ndarray, dt: float) -> Any:
+    first = a(x, v)
+    x = x + dt * v + 0.5 * dt * dt * first
+    return x, v + 0.5 * dt * (first + a(x, v + dt * first))
+
+
+def _with_central_damping(
+    a: Acceleration, x: np.ndarray, v: np.ndarray, start: np.ndarray, weights: tuple[float, float]
+) -> np.ndarray:
+    """The velocity ``u = start + w0 a(x, v) + w1 a(x, u)``, found by iteration."""
+    first, new = start + weights[0] * a(x, v), v
+    for _ in range(_ITERATIONS):
+        new = first + weights[1] * a(x, new)
+    return new
+
+
+def _verlet_central(a: Acceleration, x: np.ndarray, v: np.ndarray, dt: float) -> Any:
+    v = _with_central_damping(a, x, v, v, (0.5 * dt, 0.5 * dt))
+    return x + dt * v, v
+
+
+def _velocity_verlet_central(a: Acceleration, x: np.ndarray, v: np.ndarray, dt: float) -> Any:
+    v = v + 0.5 * dt * a(x, v)
+    x = x + dt * v
+    return x, _with_central_damping(a, x, v, v, (0.0, 0.5 * dt))
+
+
+def _midpoint(a: Acceleration, x: np.ndarray, v: np.ndarray, dt: float) -> Any:
+    half = v + 0.5 * dt * a(x, v)
+    return x + dt * half, v + dt * a(x + 0.5 * dt * v, half)
+
+
+def _heun(a: Acceleration, x: np.ndarray, v: np.ndarray, dt: float) -> Any:
+    first = a(x, v)
+    end = v + dt * first
+    return x + 0.5 * dt * (v + end), v + 0.5 * dt * (first + a(x + dt * v, end))
+
+
+def _rk4(a: Acceleration, x: np.ndarray, v: np.ndarray, dt: float) -> Any:
+    a1, v2 = (first := a(x, v)), v + 0.5 * dt * first
+    a2 = a(x + 0.5 * dt * v, v2)
+    v3 = v + 0.5 * dt * a2
+    a3 = a(x + 0.5 * dt * v2, v3)
+    v4 = v + dt * a3
+    a4 = a(x + dt * v3, v4)
+    x_new = x + dt / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
+    return x_new, v + dt / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+
+
+# With which velocity a program begins; that of Verlet's methods is the way of a step over dt.
+def _as_given(a: Acceleration, x: np.ndarray, v: np.ndarray, dt: float) -> np.ndarray:
+    return v
+
+
+def _at_rest(a: Acceleration, x: np.ndarray, v: np.ndarray, dt: float) -> np.ndarray:
+    return np.zeros_like(v)
+
+
+def _by_taylor(a: Acceleration, x: np.ndarray, v: np.ndarray, dt: float) -> np.ndarray:
+    return v - 0.5 * dt * a(x, v)
+
+
+class Method(NamedTuple):
+    """A method that courses teach.
+
+    Fields:
+        name: in words.
+        step: from positions and velocities to the next ones.
+        start: the velocities with which it begins.
+        restores: whether rigid links are put back to their length before each step, or after it.
+    """
+
+    name: str
+    step: Step
+    start: Callable[..., np.ndarray] = _as_given
+    restores: str = ""
+
+
+METHODS = {
+    "rope": (
+        Method("semi-implicit Euler", _semi_implicit_euler),
+        Method("explicit Euler", _explicit_euler),
+        Method("Störmer-Verlet that starts at rest", _semi_implicit_euler, _at_rest),
+        Method("Störmer-Verlet", _semi_implicit_euler, _by_taylor),
+        Method("semi-implicit Euler, positions first", _positions_first),
+        Method("velocity Verlet", _velocity_verlet),
+        Method("velocity Verlet in the form kick-drift-kick", _kick_drift_kick),
+        Method("Störmer-Verlet with central damping", _verlet_central, _by_taylor),
+        Method(
+            "Störmer-Verlet with central damping that starts at rest", _verlet_central, _at_rest
+        ),
+        Method("velocity Verlet with central damping", _velocity_verlet_central),
+        Method("RK4", _rk4),
+        Method("the midpoint method", _midpoint),
+        Method("Heun's method", _heun),
+    ),
+    "inextensible-rope": tuple(
+        Method(f"Verlet with links restored {when} each step{words}", _semi_implicit_euler, *how)
+        for words, start in ((" that starts at rest", _at_rest), ("", _by_taylor))
+        for when in ("before", "after")
+        for how in ((start, when),)
+    ),
+}
+
+
+class Program(NamedTuple):
+    """A program that computes the positions in the files.
+
+    Fields:
+        method: that it has.
+        changed: its terms that differ from the right ones; none if it is right.
+        found: the value of the changed terms in each run, by step size.
+        misfit: the largest difference of positions, as a part of the motion.
+        frames: in which they agree.
+        fixed: the nodes that should move, and do not.
+        forgets_velocity: whether it begins at rest, and should not.
+        extra: the first frame in which it makes a step too many, by step size.
+        single: whether lengths in single precision explain the difference.
+    """
+
+    method: Method
+    changed: tuple[str, ...]
+    found: dict[float, float]
+    misfit: float
+    frames: int
+    fixed: tuple[int, ...] = ()
+    forgets_velocity: bool = False
+    extra: dict[float, int] = {}  # noqa: RUF012  (nobody changes it)
+    single: bool = False
+
+    @property
+    def is_right(self) -> bool:
+        """Whether nothing in it is wrong."""
+        wrong = self.fixed or self.forgets_velocity or self.extra or self.single
+        return not (self.changed or wrong)
+
+
+class _Run:
+    """The first frames of a run, and programs that should compute them.
+
+    Arguments:
+        problem: a rope.
+        dt: step size.
+        states: ``(times, 2, dim, nodes)``.
+    """
+
+    def __init__(self, problem: Problem, dt: float, states: np.ndarray):
+        self._problem, self.dt = problem, dt
+        frame = float(np.max(np.diff(problem.ts[: _FRAMES + 1])))
+        self.frames = min(_FRAMES, problem.frames, max(2, int(_MOST_STEPS * dt / frame)))
+        self._ts = problem.ts[: self.frames + 1]
+        self.positions = states[: self.frames + 1, 0]
+        motion = float(np.max(np.abs(self.positions - self.positions[0])))
+        self._motion = motion or math.nan
+        rounding = last_digit(self.positions)
+        self.same = max(_SAME, _OF_ROUNDING * rounding / self._motion)
+
+    @property
+    def counts(self) -> np.ndarray:
+        """How many steps make each frame."""
+        return np.diff(self._ts) / self.dt
+
+    @property
+    def usable(self) -> bool:
+        """Whether whole steps end at the samples, not too many, and the numbers tell enough."""
+        whole = np.all(np.abs(self.counts - np.rint(self.counts)) < _ALIKE)
+        few = np.sum(self.counts) <= _MOST_STEPS
+        precise = self.same <= _LARGEST
+        return bool(whole and few and precise and math.isfinite(self._motion))
+
+    def added_up(self) -> np.ndarray:
+        """How many steps make each frame while ``t < end``, where rounded steps are added to t."""
+        counts, t = [], float(self._ts[0])
+        for end in self._ts[1:]:
+            counts.append(0)
+            while t < end:
+                t, counts[-1] = t + self.dt, counts[-1] + 1
+        return np.array(counts)
+
+    def misfits(
+        self,
+        method: Method,
+        terms: dict[str, np.ndarray],
+        frames: int,
+        counts: np.ndarray | None = None,
+        *,
+        single: bool = False,
+        shaken: float = 0.0,
+    ) -> np.ndarray:
+        """Differences from the positions, as parts of the motion, ``(copies, numbers)``.
+
+        With `shaken` the initial positions are off by that part of their size.
+        """
+        args, dt = self._problem.args, self.dt
+        x, v = (np.repeat(each[None], len(terms["kept"]), axis=0) for each in self._problem.y0)
+        x = x * (1.0 + shaken)
+        v = method.start(Forces(args, terms), x, v, dt)
+        kept = (terms["kept"] * terms["kept_first"])[:, None, None]
+        kept_last = terms["kept_last"][:, None, None]
+        forces, last, samples = Forces(args, terms, single=single), x - dt * v, []
+        for count in np.rint(self.counts if counts is None else counts).astype(int)[:frames]:
+            for _ in range(count):
+                if method.restores == "before":
+                    x = _restored(x, args)
+                if method.restores:
+                    v = (x - last) / dt
+                last = x
+                x, v = method.step(forces, x, kept * v, dt)
+                v = kept_last * v
+                if method.restores == "after":
+                    x = _restored(x, args)
+            samples.append(x)
+        apart = (np.stack(samples, axis=1) - self.positions[1 : frames + 1]) / self._motion
+        return np.nan_to_num(apart.reshape(len(x), -1), nan=np.inf)
+
+    def fitted(self, method: Method, guesses: Sequence[_Guess], counts: np.ndarray) -> list[_Guess]:
+        """The guesses with the values that give the first frame; NaN where none does."""
+        values = np.array([guess.value for guess in guesses])
+        for _ in range(_MOST_CORRECTIONS if any(guess.changed for guess in guesses) else 0):
+            step = _CHANGE * np.maximum(np.abs(values), 1.0)
+            here = self.misfits(method, _terms(guesses, values), 1, counts)
+            there = self.misfits(method, _terms(guesses, values + step), 1, counts)
+            slope = (there - here) / step[:, None]
+            correction = -np.sum(here * slope, axis=1) / np.sum(slope * slope, axis=1)
+            values = values + correction
+            if np.all(~np.isfinite(correction) | (np.abs(correction) <= step * _CHANGE)):
+                break
+        return [_Guess(guess.changed, float(v)) for guess, v in zip(guesses, values, strict=True)]
+
+    def agreeing(
+        self, method: Method, guesses: Sequence[_Guess], counts: np.ndarray
+    ) -> list[tuple[_Guess, float]]:
+        """Guesses that compute all frames, each with its misfit."""
+        every = [_RIGHT, *guesses]
+        terms = _terms(every, np.array([guess.value for guess in every]))
+        apart = self.misfits(method, terms, self.frames, counts)
+        largest = np.max(np.abs(apart), axis=1)
+        # A program that is unstable makes much of the last bit, in which two right ones may differ.
+        shaken = self.misfits(method, terms, self.frames, counts, shaken=_LAST_BITS)
+        by_rounding = np.max(np.abs(shaken - apart), axis=1)
+        allowed = np.maximum(self.same, np.minimum(by_rounding, _LARGEST))
+        allowed[1:] = [
+            min(most, _LEFT * largest[0]) if guess.changed else most
+            for guess, most in zip(guesses, allowed[1:], strict=True)
+        ]
+        rows = zip(guesses, largest[1:].tolist(), allowed[1:].tolist(), strict=True)
+        return [(guess, misfit) for guess, misfit, most in rows if misfit <= most]
+
+
+class _Guess(NamedTuple):
+    """Terms that may be wrong, and their value."""
+
+    changed: tuple[str, ...]
+    value: float
+
+
+_RIGHT = _Guess((), math.nan)
+
+
+def _terms(guesses: Sequence[_Guess], values: np.ndarray) -> dict[str, np.ndarray]:
+    """The terms of a copy of a program for each guess, with its value."""
+    terms = {name: np.full(len(guesses), term.expected) for name, term in TERMS.items()}
+    for copy, guess in enumerate(guesses):
+        for name in guess.changed:
+            terms[name][copy] = values[copy]
+    return terms
+
+
+def _restored(x: np.ndarray, args: Any) -> np.ndarray:
+    """One sweep over rigid links: each is put back to its length, by the ends that are free."""
+    nodes = list(np.moveaxis(x, 2, 0).copy())
+    for link, rest in enumerate(args.rest_length):
+        before, behind = args.free[link : link + 2]
+        if before or behind:
+            d = nodes[link + 1] - nodes[link]
+            length = np.sqrt(np.einsum("ij,ij->i", d, d))
+            excess = d * ((1.0 - rest / length) / (before + behind))[:, None]
+            nodes[link] += before * excess
+            nodes[link + 1] -= behind * excess
+    return np.stack(nodes, axis=2)
+
+
+def programs_of(problem: Problem, runs: Runs, truth: np.ndarray) -> tuple[Program, ...]:
+    """The programs that compute the positions of all runs in their first frames.
+
+    Arguments:
+        problem: a rope, with springs or with rigid links.
+        runs: step size and states of each; not-a-number from where it diverged.
+        truth: the right states, ``(times, *state)``.
+
+    Returns:
+        Programs of one method, with the same number of changes, between which the runs cannot
+        decide; none if no method of `METHODS`, with at most one change, computes them.
+    """
+    kind = problem.parameters.get("kind", "")
+    if kind not in METHODS or np.ndim(problem.args.mass) != 1:
+        return ()
+    fixed = fixed_nodes(problem, runs, truth)
+    if fixed:
+        free = problem.args.free.copy()
+        free[list(fixed)] = 0.0
+        problem = problem.with_numbers(
+            problem.y0, problem.args._replace(free=free), problem.parameters
+        )
+    known = [_Run(problem, dt, states) for dt, states in runs]
+    known = sorted((run for run in known if run.usable), key=lambda run: -run.dt)
+    in_all = np.cumsum([np.sum(run.counts) for run in known])
+    known = known[: max(int(np.sum(in_all <= _MOST_IN_ALL)), _FEWEST_RUNS)]
+    if len(known) < _FEWEST_RUNS:
+        return ()
+    right, changed = [_RIGHT], [_RIGHT]
+    for terms in CHANGES:
+        if kind == "rope" or not {*terms} & _OF_SPRINGS:
+            changed += [_Guess(terms, start) for start in TERMS[terms[0]].starts]
+    searches: Sequence[Callable[[Method], list[Program]]] = (
+        lambda method: _programs(method, right, known, _by_number),
+        lambda method: _programs(method, right, known, _Run.added_up),
+        lambda method: _programs(method, changed, known, _by_number),
+        lambda method: _in_single(method, known),
+    )
+    with np.errstate(all="ignore"):  # Programs that blow up.
+        for search in searches:
+            found: list[Program] = []
+            for method in METHODS[kind]:
+                found += search(method)
+                if any(power(each) == 0.0 for each in found):
+                    break
+            # What follows no power of dt is a chance.
+            powers = [each for each in found if power(each) is not None]
+            if powers:
+                simple = [each for each in powers if power(each) == 0.0] or powers[:1]
+                return tuple(_named(each, problem, fixed) for each in simple)
+    return ()
+
+
+def _named(program: Program, problem: Problem, fixed: tuple[int, ...]) -> Program:
+    """A program with what is known beside the runs."""
+    method, moves = program.method, bool(np.any(problem.y0[1]))
+    alike = method.step is _semi_implicit_euler and method.start in (_as_given, _at_rest)
+    if alike and not moves and not method.restores:
+        name = "semi-implicit Euler (or Störmer-Verlet, which moves alike from rest)"
+        method = method._replace(name=name)
+    forgets = method.start is _at_rest and moves
+    return program._replace(method=method, fixed=fixed, forgets_velocity=forgets)
+
+
+def fixed_nodes(problem: Problem, runs: Runs, truth: np.ndarray) -> tuple[int, ...]:
+    """The nodes that should move, and do so in no run; arguments as for `programs_of`."""
+    still = [np.all(states[:, 0] == states[0, 0], axis=(0, 1)) for _, states in runs]
+    moves = np.any(truth[:, 0] != truth[0, 0], axis=(0, 1))
+    return tuple(np.flatnonzero(np.all(still, axis=0) & moves).tolist())
+
+
+def power(program: Program) -> float | None:
+    """To which power of dt the change of a term is proportional; None if to none that is simple."""
+    if not program.changed:
+        return 0.0
+    expected = TERMS[program.changed[0]].expected
+    dts, values = (np.array(each) for each in zip(*program.found.items(), strict=True))
+    for exponent, off in (
+        (0.0, values - expected),
+        *((e, each) for e in (1.0, -1.0, 2.0) for each in (values - expected, values)),
+    ):
+        scaled = off / dts**exponent
+        if np.max(np.abs(scaled - scaled[0])) <= _ALIKE * np.abs(scaled[0]):
+            return exponent
+    return None
+
+
+def _programs(
+    method: Method,
+    guesses: Sequence[_Guess],
+    runs: Sequence[_Run],
+    clock: Callable[[_Run], np.ndarray],
+) -> list[Program]:
+    """The programs of a method that compute the runs.
+
+    Arguments:
+        method: of them.
+        guesses: what may be wrong in them.
+        runs: from coarse to fine.
+        clock: how many steps they make in each frame of a run.
+    """
+    counts = [clock(run) for run in runs]
+    extra = {
+        run.dt: int(np.argmax(each != _by_number(run))) + 1
+        for run, each in zip(runs, counts, strict=True)
+        if np.any(each != _by_number(run))
+    }
+    if clock is not _by_number and not extra:
+        return []
+    first = runs[0].agreeing(method, runs[0].fitted(method, guesses, counts[0]), counts[0])
+    found = []
+    for changed in dict.fromkeys(guess.changed for guess, _ in first):
+        guess, misfit = next(each for each in first if each[0].changed == changed)
+        values = _followed(method, guess, runs, counts)
+        if values is not None:
+            found.append(Program(method, changed, values, misfit, runs[0].frames, extra=extra))
+    return found
+
+
+def _by_number(run: _Run) -> np.ndarray:
+    return np.rint(run.counts).astype(int)
+
+
+def _followed(
+    method: Method, guess: _Guess, runs: Sequence[_Run], counts: Sequence[np.ndarray]
+) -> dict[float, float] | None:
+    """The value of a guess at each step size; None if it does not compute all runs."""
+    values = {runs[0].dt: guess.value}
+    for run, count in zip(runs[1:], counts[1:], strict=True):
+        dt, value = next(reversed(values.items()))
+        starts = [value]
+        if guess.changed:
+            expected, ratio = TERMS[guess.changed[0]].expected, run.dt / dt
+            starts += [expected + (value - expected) * r for r in (ratio, 1.0 / ratio)]
+            starts += [value * ratio, value / ratio]
+        guesses = run.fitted(method, [_Guess(guess.changed, start) for start in starts], count)
+        agreeing = run.agreeing(method, guesses, count)
+        if not agreeing:
+            return None
+        values[run.dt] = agreeing[0][0].value
+    return values
+
+
+def _in_single(method: Method, runs: Sequence[_Run]) -> list[Program]:
+    """A right program, if lengths in single precision explain what is left in each run."""
+    right, misfit = _terms([_RIGHT], np.full(1, math.nan)), 0.0
+    for run in runs:
+        double = run.misfits(method, right, run.frames)
+        single = run.misfits(method, right, run.frames, single=True) - double
+        misfit = max(misfit, float(np.max(np.abs(double))))
+        most = min(_AS_SINGLE * float(np.max(np.abs(single))), _LARGEST)
+        if not np.max(np.abs(double)) <= most:
+            return []
+    return [Program(method, (), {}, misfit, runs[0].frames, single=True)]

@@ -1,0 +1,191 @@
+"""Programs with one mistake, as people hand them in, are named from a few coarse files."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from trajectory_writing import WRITERS, finding
+
+from ropeode import InextensibleRope, Rope, grade, reference
+
+FRAMES, STEPS = 4, (16, 32, 64)
+
+
+@dataclasses.dataclass
+class Program:
+    """A rope as in a game: loops that share nothing with the package."""
+
+    problem: object
+    method: str = "semi-implicit"
+    gravity: float = 1.0
+    gravity_times_dt: bool = False
+    push: bool = False
+    one_sided: bool = False
+    forces: float = 1.0
+    damping: float = 1.0
+    dashpot: float = 0.0
+    drag_per_spring: float = 0.0
+    kept: float = 1.0
+    adds_up: bool = False
+    rested: tuple[int, ...] = ()
+    single_length: bool = False
+    starts: str = "given"
+    counts_by_time: bool = False
+
+    def acceleration(self, x, v, dt):
+        args = self.problem.args
+        force = -self.damping * args.damping[:, None] * v
+        if hasattr(args, "stiffness"):
+            for i, (k, rest) in enumerate(zip(args.stiffness, args.rest_length, strict=True)):
+                d = x[i + 1] - x[i]
+                length = np.hypot(*d)
+                if self.single_length:
+                    length = float(np.float32(length))
+                pull = (-1 if self.push else 1) * k * (length - rest) * d / length
+                pull = pull + self.dashpot * ((v[i + 1] - v[i]) @ d) * d / length**2
+                force[i] += pull - self.drag_per_spring * v[i]
+                force[i + 1] -= self.drag_per_spring * v[i + 1]
+                if not self.one_sided:
+                    force[i + 1] -= pull
+        force *= self.forces
+        if self.adds_up:
+            force = self.before = force + self.before
+        gravity = self.gravity * args.gravity.reshape(-1) * (dt if self.gravity_times_dt else 1)
+        free = args.free.copy()
+        free[list(self.rested)] = 0
+        return free[:, None] * (force / args.mass[:, None] + gravity)
+
+    def run(self, n):
+        """Positions and velocities at the frames, ``(times, nodes, 4)``."""
+        dt, (x, v) = 1 / n, (each.T.copy() for each in self.problem.y0)
+        self.before = np.zeros_like(x)
+        last = x if self.starts == "rest" else x - dt * v
+        if self.starts == "taylor":
+            last = last + dt * dt / 2 * self.acceleration(x, v, dt)
+        samples, t = [np.hstack([x, v])], 0.0
+        for frame in range(1, self.problem.frames + 1):
+            made = 0
+            while (t < frame) if self.counts_by_time else (made < n):
+                t, made = t + dt, made + 1
+                if self.method == "verlet":
+                    if not hasattr(self.problem.args, "stiffness"):
+                        x = self.restored(x)
+                    a = self.acceleration(x, (x - last) / dt, dt)
+                    x, last = x + self.kept * (x - last) + dt * dt * a, x
+                    v = (x - last) / dt
+                elif self.method == "semi-implicit":
+                    v = self.kept * v + dt * self.acceleration(x, v, dt)
+                    x = x + dt * v
+                elif self.method == "midpoint":
+                    half = v + dt / 2 * self.acceleration(x, v, dt)
+                    x, v = x + dt * half, v + dt * self.acceleration(x + dt / 2 * v, half, dt)
+            samples.append(np.hstack([x, v]))
+        return np.array(samples)
+
+    def restored(self, x):
+        x, free = x.copy(), self.problem.args.free
+        for i, rest in enumerate(self.problem.args.rest_length):
+            d = x[i + 1] - x[i]
+            excess = d * (1 - rest / np.hypot(*d)) / (free[i] + free[i + 1])
+            x[i] += free[i] * excess
+            x[i + 1] -= free[i + 1] * excess
+        return x
+
+    def files(self, folder, steps=STEPS, columns=4, **how):
+        with np.errstate(all="ignore"):
+            return [
+                WRITERS[".csv"](
+                    folder / f"{n}.csv",
+                    range(FRAMES + 1),
+                    self.run(n)[:, :, :columns],
+                    1 / n,
+                    **how,
+                )
+                for n in steps
+            ]
+
+
+SPRINGS = {"num_nodes": 5, "end": (-100.0, 150.0), "stiffness": 90.0}
+MOVING = Rope(
+    **SPRINGS,
+    node_mass=(1.0, 2.0, 0.5, 1.5, 3.0),
+    damping=0.2,
+    initial_velocity=(3.0, -1.0),
+)
+RESTING = Rope(**SPRINGS, damping=0.0)
+RIGID = InextensibleRope(num_nodes=5, end=(-100.0, 150.0), damping=0.0)
+
+
+@pytest.fixture(scope="module")
+def known():
+    return {
+        name: reference(rope.problem(FRAMES))
+        for name, rope in (("moving", MOVING), ("resting", RESTING), ("rigid", RIGID))
+    }
+
+
+# The rope, what the program does, the cause, and a part of the words.
+MISTAKES = [
+    ("resting", {"method": "verlet", "kept": 1 - 5e-5}, "damping-per-step", "keeps 0.99995 of"),
+    ("moving", {"kept": 0.999}, "damping-per-step", "keeps 0.999 of"),
+    ("rigid", {"method": "verlet", "kept": 0.9995}, "damping-per-step", "keeps 0.9995 of"),
+    ("rigid", {"method": "verlet", "gravity": 9.8}, "parameters", "gravity is 9.8 times"),
+    ("moving", {"method": "midpoint", "gravity": -1.0}, "parameters", "the wrong sign"),
+    ("moving", {"gravity_times_dt": True}, "step-size", "gravity is multiplied by dt once more"),
+    ("moving", {"push": True}, "parameters", "springs push"),
+    ("moving", {"one_sided": True}, "parameters", "do not pull at the node behind"),
+    ("moving", {"damping": 0.0}, "parameters", "the damping is missing"),
+    ("moving", {"damping": -1.0}, "parameters", "the damping has the wrong sign"),
+    ("resting", {"dashpot": -0.3}, "parameters", "along each spring, of coefficient -0.3"),
+    ("moving", {"drag_per_spring": 0.05}, "parameters", "two nodes, of coefficient 0.05"),
+    ("moving", {"forces": 0.5}, "parameters", "as with 2 times the mass"),
+    ("moving", {"adds_up": True}, "forces-add-up", "never set to zero"),
+    ("resting", {"rested": (4,)}, "fixed-node", "node 4 never moves"),
+    ("moving", {"method": "verlet", "starts": "rest"}, "start", "initial velocity is forgotten"),
+]
+
+
+@pytest.mark.parametrize(("rope", "change", "cause", "words"), MISTAKES)
+def test_the_one_mistake_is_named(known, tmp_path, rope, change, cause, words):
+    program = Program(known[rope].problem, **change)
+    files = program.files(tmp_path, columns=2 if program.method == "verlet" else 4)
+    report = grade(files, known[rope], expected_order=2)
+    assert report.verdict == "wrong"
+    (diagnosis,) = report.diagnosis
+    assert diagnosis.cause == cause
+    assert words in diagnosis.line
+    assert diagnosis.evidence.get("misfit", 0.0) < 1e-8
+
+
+def test_rounded_steps_added_up_make_a_step_too_many(known, tmp_path):
+    program = Program(known["moving"].problem, counts_by_time=True)
+    report = grade(program.files(tmp_path, (10, 20, 50)), known["moving"], expected_order=1)
+    assert report.diagnosis[0].cause == "extra-step"
+    assert "at dt = 0.1 there is a step too many in frame 1" in report.diagnosis[0].line
+
+
+@pytest.mark.parametrize("change", [{}, {"method": "midpoint"}, {"method": "verlet"}])
+def test_a_right_program_is_called_by_its_method(known, tmp_path, change):
+    """A claim that it does not keep is all that is wrong."""
+    program = Program(known["moving"].problem, **change)
+    steps = (128, 256, 512)
+    report = grade(program.files(tmp_path, steps), known["moving"], expected_order=4)
+    assert [each.cause for each in report.diagnosis] == ["method"]
+
+
+def test_lengths_in_single_precision_refute_nothing(tmp_path):
+    long = reference(Rope(num_nodes=5, end=(-8e4, 150.0), stiffness=90.0).problem(FRAMES))
+    program = Program(long.problem, method="midpoint", single_length=True)
+    files = program.files(tmp_path, (128, 256, 512))
+    report = grade(files, long, expected_order=2)
+    assert report.verdict != "wrong"
+    assert "single precision" in finding(report).line
+
+
+def test_few_digits_are_no_mistake(known, tmp_path):
+    program = Program(known["moving"].problem, method="midpoint")
+    report = grade(program.files(tmp_path, digits="%.7g"), known["moving"], expected_order=2)
+    assert "single precision" not in finding(report).line
+    assert not report.diagnosis
