@@ -20,10 +20,6 @@ def decay(t, y, args):
     return -y
 
 
-def constant(measured, predicted=2.0):
-    return ErrorConstant(1, np.array([predicted / 2, predicted]), None, measured)
-
-
 @pytest.mark.slow
 def test_against_a_formula():
     # (1 - dt)^n = exp(-t - t dt/2 + ...): the error is t/2 exp(-t) dt.
@@ -38,10 +34,12 @@ def test_against_a_formula():
     # The next term of the error is smaller by about dt.
     assert found.ratio == pytest.approx(1.0, abs=2 / 256)
     assert found.agree_from(0.1) == 1 / 64
-    assert accuracy_table(problem, ["explicit-euler"], (64, 128)).orders[0].constant is None
 
 
 def test_agreement_begins_where_it_lasts_to_the_finest_step():
+    def constant(measured):
+        return ErrorConstant(1, np.array([1.0, 2.0]), None, measured)
+
     found = constant({0.1: 2.01, 0.2: 2.15, 0.4: 2.5, 0.8: 2.0})
     assert (found.dt, found.measured, found.ratio) == (0.1, 2.01, 1.005)
     assert found.agree_from(0.01) == 0.1
@@ -106,25 +104,19 @@ def test_one_run_does_not_say_whether_finer_ones_come_closer(bend, said):
 
 def test_theory_excuses_no_wrong_stepper():
     """Its own theory says what order it has, whatever it declares."""
-    found = held(3 * DTS, 3.0, order=1)
-    assert (found.verdict, round(found.observed, 3)) == ("converges", 1.0)
     # Runs that go away from the predicted line the finer they are refute it.
-    found = held(DTS, 1.0)
-    assert (found.verdict, round(found.observed, 3)) == ("converges", 1.0)
+    for found in (held(3 * DTS, 3.0, order=1), held(DTS, 1.0)):
+        assert (found.verdict, round(found.observed, 3)) == ("converges", 1.0)
 
 
 @pytest.mark.parametrize(("bend", "verdict"), [(0.0, "converges"), (0.6, "undetermined")])
 def test_without_theory_a_wide_interval_refutes_no_declared_order(bend, verdict):
     order = observed_order(DTS, DTS**2 * (1 + bend * DTS / DTS[0]))
     assert order.verdict == "converges"
-    none = ErrorConstant(None, None, "nobody knows", {})
-    for theory in (None, none):
+    for theory in (None, ErrorConstant(None, None, "nobody knows", {})):
         assert believed(order, 3, theory, 1.0).verdict == verdict
         assert believed(order, 2, theory, 1.0) == believed(order, None, theory, 1.0) == order
-
-
-def test_without_theory_a_fractional_slope_refutes_no_declared_order():
-    """Semi-implicit Euler on the Pleiades, whose prediction is too uncertain to be shown."""
+    # Semi-implicit Euler on the Pleiades, whose prediction is too uncertain to be shown.
     dts, errors = 0.15 / np.array([96, 144, 216, 324]), [0.7585, 0.3628, 0.1791, 0.08758]
     order = observed_order(dts, errors)
     assert order.verdict == "converges"
