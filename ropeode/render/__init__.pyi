@@ -1,3 +1,5 @@
+from .accuracy_table import LATEX_COLUMNS as LATEX_COLUMNS
+from .accuracy_table import check_layout as check_layout
 from .check import check_summary as check_summary
 from .check import check_title as check_title
 from .check import diagnosis_lines as diagnosis_lines
@@ -14,8 +16,6 @@ from .frames import check_export as check_export
 from .frames import dataframe as dataframe
 from .frames import dataset as dataset
 from .frames import write_export as write_export
-from .latex_table import LATEX_COLUMNS as LATEX_COLUMNS
-from .latex_table import check_layout as check_layout
 from .markup import Block as Block
 from .markup import Code as Code
 from .markup import Drawing as Drawing

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from ropeode.errors import InputError
 from ropeode.render import markup
+from ropeode.render.accuracy_table import latex_table
 from ropeode.render.data import csv_text, json_text
-from ropeode.render.latex_table import latex_table
 from ropeode.render.markup import Block
 from ropeode.render.results import blocks
 from ropeode.study import AccuracyTable
