@@ -9,7 +9,7 @@ from typing import Generic, TypeVar
 from ropeode.errors import RopeodeError
 from ropeode.problems import Problem
 from ropeode.progress import Progress
-from ropeode.study.methods.method import Attempt, LadderMethod, Run
+from ropeode.study.methods import Attempt, LadderMethod, Run
 from ropeode.validation import counted
 
 T = TypeVar("T")

@@ -29,9 +29,8 @@ from ropeode.references import (
 from ropeode.simulation import step_size
 from ropeode.study.accuracy_table import check_steps
 from ropeode.study.energy import energies_of
-from ropeode.study.methods.in_turns import Timed, run_in_turns
-from ropeode.study.methods.method import Attempt, LadderMethod, Status
-from ropeode.study.methods.naming import chosen_methods
+from ropeode.study.in_turns import Timed, run_in_turns
+from ropeode.study.methods import Attempt, LadderMethod, Status, chosen_methods
 from ropeode.study.pareto import Reached, cost_to_reach, pareto_front
 from ropeode.threads import cores, threads
 from ropeode.validation import (
