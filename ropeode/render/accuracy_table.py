@@ -104,14 +104,17 @@ def latex_table(
         InputError: there is no such column, or the label has signs that LaTeX forbids.
     """
     check_layout(columns, label)
-    title, error, _, *evidence = blocks(table)
+    _, _, _, *evidence = blocks(table)
     if caption is None:
         bound = table.reference.bound(table.norm)[table.reference.trusted - 1]
         shown = f" Shown: {_name(columns[0])}." if len(columns) == 1 else ""
         others = [
             f" {e.stepper} {table_words.order_remark(e)}." for e in table.orders if not e.solves
         ]
-        words = f"{title.text}. {error.text}{shown} Estimated bound of the reference: {bound:.1e}."
+        words = (
+            f"{table_words.title(table)}. {table_words.error_words(table)}{shown} Estimated bound "
+            f"of the reference: {bound:.1e}."
+        )
         caption = latex.text(words + "".join(others))
     parts = []
     for column in columns:

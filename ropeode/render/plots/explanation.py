@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from ropeode.render.plots.against_time import plot_errors
 from ropeode.render.plots.convergence import plot_convergence
-from ropeode.render.plots.error import plot_errors
 from ropeode.render.plots.files import figure_bytes
 from ropeode.render.plots.stability import plot_stability
 from ropeode.study import Explanation

@@ -8,9 +8,8 @@ from typing import Any, NamedTuple
 from matplotlib.figure import Figure
 
 from ropeode.checking import trajectory_energy_curves, trajectory_error_curves, trajectory_errors
+from ropeode.render.plots.against_time import plot_energies, plot_errors
 from ropeode.render.plots.convergence import plot_convergence
-from ropeode.render.plots.energy import plot_energies
-from ropeode.render.plots.error import plot_errors
 from ropeode.study import IN_TIME, Predict, energy_curves, error_curves
 from ropeode.study.accuracy_table import accuracy_table
 
