@@ -29,7 +29,7 @@ from ropeode.references import (
 from ropeode.simulation import step_size
 from ropeode.study.accuracy_table import check_steps
 from ropeode.study.energy import energies_of
-from ropeode.study.in_turns import Timed, run_in_turns
+from ropeode.study.in_turns import Errors, Timed, run_in_turns
 from ropeode.study.methods import Attempt, LadderMethod, Status, chosen_methods
 from ropeode.study.pareto import Reached, cost_to_reach, pareto_front
 from ropeode.threads import cores, threads
@@ -518,14 +518,6 @@ def _tolerances(given: Any) -> tuple[float, ...]:
     return tuple(sorted(numbers, reverse=True))
 
 
-@dataclasses.dataclass(frozen=True)
-class _Errors:
-    final: float | None = None
-    max: float | None = None
-    rms: float | None = None
-    energy: float | None = None
-
-
 class _Measuring:
     """The errors of runs against a reference."""
 
@@ -539,12 +531,14 @@ class _Measuring:
             self._energies = energies_of(problem, reference, reference.states[:trusted], ())
             self.energy_resolution = float(np.max(self._energies.resolution[:trusted]))
 
-    def measure(self, attempt: Attempt) -> tuple[Attempt, _Errors]:
-        """The errors of a run; one that is far off is `unstable`."""
+    def measure(self, attempt: Attempt) -> tuple[Attempt, Errors]:
+        """The errors of a run, by the names of `MEASURES`; one that is far off is `unstable`."""
         if attempt.status != "ok":
-            return attempt, _Errors()
+            return attempt, dict.fromkeys(MEASURES)
         series = error_series(attempt.states, self._reference, self._norm.name)
-        found = _Errors(series.final, series.max, series.rms, self._energy_error(attempt.states))
+        energy = self._energy_error(attempt.states)
+        sizes = series.final, series.max, series.rms, energy
+        found: Errors = dict(zip(MEASURES, sizes, strict=True))
         if series.max is not None and series.max > UNSTABLE_FROM * self._motion:
             why = "its error is larger than twice the motion"
             attempt = dataclasses.replace(attempt, status="unstable", why=why)
@@ -560,27 +554,24 @@ class _Measuring:
         return float(error) if error >= self.energy_resolution else None
 
 
-def _row(timed: Timed[_Errors], problem: Problem) -> WorkRow:
-    method, attempt, errors = timed.method, timed.attempt, timed.measured
+def _row(timed: Timed, problem: Problem) -> WorkRow:
+    method, attempt, largest = timed.method, timed.attempt, timed.errors["error_max"]
     adaptive = method.adaptive
     seconds = timed.seconds
     if not seconds and attempt.status in ("unstable", "diverged", "unsolved"):
-        seconds = (attempt.seconds,)
+        seconds = [attempt.seconds]
     over = None
-    if adaptive and errors.max is not None:
-        over = errors.max / (timed.effort * problem.scale)
+    if adaptive and largest is not None:
+        over = largest / (timed.effort * problem.scale)
     return WorkRow(
         method=method.label,
         family=method.family,
         effort=timed.effort,
         dt=None if adaptive else step_size(problem, int(timed.effort)),
         rtol=timed.effort if adaptive else None,
-        error_final=errors.final,
-        error_max=errors.max,
-        error_rms=errors.rms,
-        energy_error=errors.energy,
+        **timed.errors,
         error_over_tolerance=over,
-        resolved=errors.max is not None,
+        resolved=largest is not None,
         status=attempt.status,
         why=attempt.why,
         rhs_evaluations=attempt.rhs_evaluations,
