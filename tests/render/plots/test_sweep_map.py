@@ -1,4 +1,4 @@
-"""What no file of `test_pictures.py` shows of maps of sweeps."""
+"""What no file of `test_plot_pictures.py` shows of maps of sweeps."""
 
 from __future__ import annotations
 
