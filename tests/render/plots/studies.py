@@ -67,6 +67,16 @@ def every_reason() -> AccuracyTable:
     )
 
 
+def all_twice() -> AccuracyTable:
+    """The same with steppers of which each two do the same."""
+    table = every_reason()
+
+    def twice(each):
+        return (*each, *(dataclasses.replace(one, stepper=f"{one.stepper}:b") for one in each))
+
+    return table_of(twice(table.rows), twice(table.orders))
+
+
 def no_order(*steps, **more) -> AccuracyTable:
     """Two steppers with too few runs; those of the second are not resolved."""
     rows = [table_row("a", each, 1 / each, **more) for each in steps]

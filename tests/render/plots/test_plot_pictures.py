@@ -36,6 +36,7 @@ OVER_STEPS = ("damping", "steps_per_frame")
 # A picture, what it is a picture of, and how it is asked for.
 PICTURES = {
     "convergence": (plot_convergence, studies.every_reason),
+    "convergence-of-all-twice": (plot_convergence, studies.all_twice),
     "convergence-without-orders": (plot_convergence, lambda: studies.no_order(16)),
     "convergence-of-nothing": (plot_convergence, studies.still),
     "errors": (plot_errors, studies.errors),
