@@ -17,7 +17,6 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import NullFormatter
 
 from ropeode.render import table_words
-from ropeode.render.plots.files import figure_bytes
 from ropeode.render.plots.labels import with_unit
 from ropeode.render.plots.point_labels import place_labels
 from ropeode.render.plots.point_markers import UNRESOLVED
@@ -29,6 +28,7 @@ from ropeode.render.plots.style import (
     MARKERS,
     STYLE,
     draw_legends,
+    figure_bytes,
     new_figure,
 )
 from ropeode.render.plots.work_points import (
