@@ -35,9 +35,9 @@ from ropeode.study.pareto import Reached, cost_to_reach, pareto_front
 from ropeode.threads import cores, threads
 from ropeode.validation import (
     bad_value,
+    check_all,
     check_positive,
     check_whole,
-    complaint,
     positive_number,
     unknown,
 )
@@ -473,36 +473,27 @@ def check_ladders(
         InputError: one line for each ladder that is none, or that no method has a use for.
     """
     kinds = {method.adaptive for method in methods}
-    faults, ladders = [], {False: DEFAULT_STEPS, True: DEFAULT_RTOL}
-    for adaptive, name, given, check in (
-        (False, "steps_per_frame", steps_per_frame, _steps),
-        (True, "rtol", rtol, _tolerances),
-    ):
-        if given is None:
-            continue
-        if adaptive not in kinds:
-            are, add = (
-                ("have constant steps", "an adaptive one, such as diffrax:Tsit5")
-                if adaptive
-                else (
-                    "are adaptive",
-                    "one of constant steps, such as rk4 or diffrax:Tsit5:constant",
-                )
+
+    def steps() -> tuple[float, ...]:
+        if steps_per_frame is None:
+            return DEFAULT_STEPS
+        if False not in kinds:
+            fix = (
+                "leave it out, or add one of constant steps, such as rk4 or diffrax:Tsit5:constant"
             )
-            allowed = f"none where all methods {are}"
-            faults.append(complaint(name, given, allowed, f"leave it out, or add {add}"))
-            continue
-        try:
-            ladders[adaptive] = check(given)
-        except InputError as error:
-            faults += error.problems
-    if faults:
-        raise InputError(faults)
-    return ladders
+            allowed = "none where all methods are adaptive"
+            raise bad_value("steps_per_frame", steps_per_frame, allowed, fix)
+        return tuple(sorted(check_steps(steps_per_frame)))
 
+    def tolerances() -> tuple[float, ...]:
+        if rtol is None:
+            return DEFAULT_RTOL
+        if True not in kinds:
+            fix = "leave it out, or add an adaptive one, such as diffrax:Tsit5"
+            raise bad_value("rtol", rtol, "none where all methods have constant steps", fix)
+        return _tolerances(rtol)
 
-def _steps(given: Any) -> tuple[float, ...]:
-    return tuple(sorted(check_steps(given)))
+    return dict(zip((False, True), check_all(steps, tolerances), strict=True))
 
 
 def _tolerances(given: Any) -> tuple[float, ...]:
