@@ -234,15 +234,17 @@ def draw_triangles(
         points: all that is drawn, ``(points, 2)``, step sizes and errors.
         floor: an error below which there is no place.
     """
-    to_axes = _Scale(axes)
-    taken = to_axes(points)
-    lowest = to_axes(np.array([[points[0, 0], floor]]))[0, 1]
+    to_axes = axes.transScale + axes.transLimits
+    taken = to_axes.transform(points)
+    lowest = to_axes.transform((points[0, 0], floor))[1]
+    decade = to_axes.transform((10.0, 10.0)) - to_axes.transform((1.0, 1.0))
     for order in sorted({order for line in lines if (order := round(line.slope)) > 0}):
         own = [line for line in lines if round(line.slope) == order]
+        rise = order * _LEG * decade[1] / decade[0]
         places = [
             (_clearance(corners, taken), corners)
             for line in own
-            for corners in _places(to_axes, line, order)
+            for corners in _places(to_axes.transform(np.stack([line.dts, line.errors], 1)), rise)
             if corners[:, 0].min() > _EDGE and corners[:, 0].max() < 1 - 2 * _EDGE
             if lowest + _EDGE < corners[:, 1].min() and corners[:, 1].max() < 1 - _EDGE
         ]
@@ -252,21 +254,8 @@ def draw_triangles(
             _draw(axes, corners, order)
 
 
-class _Scale:
-    """From data to parts of the axes, both logarithmic."""
-
-    def __init__(self, axes: Axes):
-        ends = np.log(np.array([axes.get_xlim(), axes.get_ylim()])).T
-        self.start, self.span = ends[0], ends[1] - ends[0]
-
-    def __call__(self, points: np.ndarray) -> np.ndarray:
-        return (np.log(points) - self.start) / self.span
-
-
-def _places(to_axes: _Scale, line: FittedLine, order: int) -> Iterable[np.ndarray]:
-    """Corners ``(3, 2)``, the right angle in the middle, on both sides along the line."""
-    ends = to_axes(np.stack([line.dts, line.errors], axis=1))
-    rise = order * _LEG * to_axes.span[0] / to_axes.span[1]
+def _places(ends: np.ndarray, rise: float) -> Iterable[np.ndarray]:
+    """Corners ``(3, 2)``, the right angle in the middle, on both sides along a line."""
     along = np.linspace(0.0, 1.0, _PLACES)[:, None]
     starts = ends[0] + along * (ends[-1] - ends[0] - (_LEG, rise))
     for (x, y), side in itertools.product(starts, (-1, 1)):
