@@ -59,11 +59,11 @@ from .render.formats import format_explanation as format_explanation
 from .render.formats import format_horizon as format_horizon
 from .render.formats import format_table as format_table
 from .render.formats import format_work_precision as format_work_precision
+from .render.plots.against_time import plot_energies as plot_energies
+from .render.plots.against_time import plot_errors as plot_errors
 from .render.plots.animation import Film as Film
 from .render.plots.animation import animate as animate
 from .render.plots.convergence import plot_convergence as plot_convergence
-from .render.plots.energy import plot_energies as plot_energies
-from .render.plots.error import plot_errors as plot_errors
 from .render.plots.horizon import plot_horizon as plot_horizon
 from .render.plots.stability import plot_stability as plot_stability
 from .render.plots.sweep_map import plot_sweep as plot_sweep

@@ -1,3 +1,5 @@
+from .accuracy_table import LATEX_COLUMNS as LATEX_COLUMNS
+from .accuracy_table import check_layout as check_layout
 from .check import check_summary as check_summary
 from .check import check_title as check_title
 from .check import diagnosis_lines as diagnosis_lines
@@ -14,8 +16,6 @@ from .frames import check_export as check_export
 from .frames import dataframe as dataframe
 from .frames import dataset as dataset
 from .frames import write_export as write_export
-from .latex_table import LATEX_COLUMNS as LATEX_COLUMNS
-from .latex_table import check_layout as check_layout
 from .markup import Block as Block
 from .markup import Code as Code
 from .markup import Drawing as Drawing
@@ -32,15 +32,15 @@ from .plots.animation import animate as animate
 from .plots.animation import check_film as check_film
 from .plots.animation import check_fps as check_fps
 from .plots.animation import film_bytes as film_bytes
-from .plots.explanation import explanation_pictures as explanation_pictures
-from .plots.files import FIGURES as FIGURES
-from .plots.files import figure_bytes as figure_bytes
 from .plots.film import film as film
 from .plots.horizon import plot_horizon as plot_horizon
 from .plots.registry import PLOTS as PLOTS
+from .plots.registry import explanation_pictures as explanation_pictures
 from .plots.style import COLOURS as COLOURS
 from .plots.style import FIGURE_WIDTH as FIGURE_WIDTH
+from .plots.style import FIGURES as FIGURES
 from .plots.style import STYLE as STYLE
+from .plots.style import figure_bytes as figure_bytes
 from .plots.style import make_room as make_room
 from .plots.style import new_figure as new_figure
 from .plots.style import wrapped as wrapped

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
-from ropeode.render import table_words
-from ropeode.render.markup import Block, Grid, Heading, Paragraph
+from ropeode.errors import InputError
+from ropeode.render import latex, table_words
+from ropeode.render.markup import Block, Grid, Heading, Paragraph, plain
 from ropeode.render.results import blocks, line, rows
-from ropeode.study import AccuracyTable, StepperOrder
+from ropeode.study import AccuracyTable, Row, StepperOrder
 from ropeode.study.error_constant import ErrorConstant
-from ropeode.validation import counted
+from ropeode.validation import bad_value, counted, unknown
+
+# What can stand in the cells of a table of a paper, by the words of the other formats.
+LATEX_COLUMNS = tuple(header.lower().replace(" ", "-") for header in table_words.RUN_HEADERS[2:])
+_OF_ORDERS, _ERRORS = LATEX_COLUMNS[0], LATEX_COLUMNS[:3]
+_NOT_IN_LABELS = set("\\{}%#~^$&, \t\n")
 
 
 @line.register
@@ -77,3 +84,107 @@ def _error_predicted(dt: float, constant: ErrorConstant | None) -> float | None:
     if constant is None or constant.predicted is None or constant.order is None:
         return None
     return constant.predicted * dt**constant.order
+
+
+def latex_table(
+    table: AccuracyTable,
+    columns: Sequence[str] = (_OF_ORDERS,),
+    caption: str | None = None,
+    label: str | None = None,
+) -> str:
+    r"""A float to be pasted: step sizes down, steppers across, and the evidence as comments.
+
+    Arguments:
+        table: from `ropeode.accuracy_table`.
+        columns: some of `LATEX_COLUMNS`; each has a table, orders below the largest errors.
+        caption: in LaTeX; by default the problem, the error and the reference's bound.
+        label: for ``\ref``; none by default.
+
+    Raises:
+        InputError: there is no such column, or the label has signs that LaTeX forbids.
+    """
+    check_layout(columns, label)
+    _, _, _, *evidence = blocks(table)
+    if caption is None:
+        bound = table.reference.bound(table.norm)[table.reference.trusted - 1]
+        shown = f" Shown: {_name(columns[0])}." if len(columns) == 1 else ""
+        others = [
+            f" {e.stepper} {table_words.order_remark(e)}." for e in table.orders if not e.solves
+        ]
+        words = (
+            f"{table_words.title(table)}. {table_words.error_words(table)}{shown} Estimated bound "
+            f"of the reference: {bound:.1e}."
+        )
+        caption = latex.text(words + "".join(others))
+    parts = []
+    for column in columns:
+        heading = rf"\emph{{{latex.text(_name(column))}}}\\[1ex]" + "\n"
+        tabulars = latex.tabulars(*_matrix(table, column))
+        parts.append(heading * (len(columns) > 1) + "\n\n\\medskip\n".join(tabulars))
+    lines = [
+        latex.NEEDS,
+        *(f"% {line}".rstrip() for line in plain(evidence).splitlines()),
+        r"\begin{table}",
+        r"\centering",
+        rf"\caption{{{caption}}}",
+        *([] if label is None else [rf"\label{{{label}}}"]),
+        latex.SMALL + r"\par\medskip" + "\n",
+        "\n\n\\medskip\n".join(parts),
+        r"\end{table}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def check_layout(columns: Sequence[str], label: str | None) -> None:
+    """Refuse what `latex_table` cannot use, before anything is computed.
+
+    Raises:
+        InputError: there is no such column, or the label has signs that LaTeX forbids.
+    """
+    faults = [
+        unknown("column", each, LATEX_COLUMNS) for each in columns if each not in LATEX_COLUMNS
+    ]
+    if faults:
+        raise InputError(faults)
+    if not columns or len(set(columns)) < len(columns):
+        raise bad_value("columns", ",".join(columns), "one or more, each once", f"try {_OF_ORDERS}")
+    if label is not None and (not label or _NOT_IN_LABELS & set(label)):
+        raise bad_value("label", label, "letters, digits, ':' and '-'", "for example tab:rope")
+
+
+def _matrix(table: AccuracyTable, column: str) -> tuple[Any, ...]:
+    """One of `LATEX_COLUMNS` of all runs, as `latex.tabulars` takes a table."""
+    steppers = [each.stepper for each in table.orders]
+    runs = {(row.dt, row.stepper): row for row in table.rows}
+    dts = sorted({dt for dt, _ in runs}, reverse=True)
+    rows = [[_size(dt), *(_cell(runs.get((dt, name)), column) for name in steppers)] for dt in dts]
+    rules: tuple[int, ...] = ()
+    if column == _OF_ORDERS:
+        rules = (len(rows),)
+        orders = [each.order for each in table.orders]
+        ends = [order.ci95 and [f"{end:.2f}" for end in order.ci95] for order in orders]
+        rows += [
+            ["order", *(table_words.observed_words(order, digits=2) for order in orders)],
+            ["95% low", *(each[0] if each else "" for each in ends)],
+            ["95% high", *(each[1] if each else "" for each in ends)],
+        ]
+    return ["Δt", *steppers], rows, {0}, (), rules
+
+
+def _size(dt: float) -> str:
+    """As a fraction, which is short, where it is one."""
+    parts = round(1 / dt)
+    return f"1/{parts}" if parts > 1 and dt == 1 / parts else f"{dt:.4g}"
+
+
+def _cell(row: Row | None, column: str) -> str:
+    if row is None:
+        return ""
+    if row.status != "ok" and column in _ERRORS:
+        return row.status
+    cells = table_words.run_cells(row, digits=1)[2:]
+    return dict(zip(LATEX_COLUMNS, cells, strict=True))[column]
+
+
+def _name(column: str) -> str:
+    return column.replace("-", " ")

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import csv
 import functools
 import importlib
 import importlib.util
+import io
+import json
+import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ropeode.errors import InputError
+from ropeode.json_form import json_of
 from ropeode.render import markup
-from ropeode.render.data import csv_text, json_text
-from ropeode.render.latex_table import latex_table
+from ropeode.render.accuracy_table import latex_table
 from ropeode.render.markup import Block
-from ropeode.render.results import blocks
+from ropeode.render.results import blocks, rows
 from ropeode.study import AccuracyTable
 from ropeode.validation import bad_value, check_kind, unknown
 
@@ -26,7 +30,7 @@ def _drawn(name: str, draw: str, result: Any) -> list[Block]:
     """A picture of a result, where matplotlib is installed."""
     if importlib.util.find_spec("matplotlib") is None:
         return []
-    from ropeode.render.plots.files import figure_bytes
+    from ropeode.render.plots.style import figure_bytes
 
     function = getattr(importlib.import_module(f"ropeode.render.plots.{name}"), draw)
     return [markup.Drawing(figure_bytes(function(result), ".svg").decode())]
@@ -42,12 +46,33 @@ def _drawn_for_each_cost(study: WorkPrecision) -> list[Block]:
     return [markup.Drawing(picture_with_hover(study, cost)) for cost in COSTS]
 
 
+def _json(result: Any) -> str:
+    """A result as JSON, which begins with the name of its schema."""
+    form = {"schema": result.SCHEMA, **json_of(result)}
+    return json.dumps(form, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def _csv(result: Any) -> str:
+    """The rows of a result as CSV, under the names of all columns; what does not exist is empty."""
+    lines = rows(result)
+    text = io.StringIO()
+    names = list(dict.fromkeys(name for line in lines for name in line))
+    writer = csv.DictWriter(text, fieldnames=names, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({name: _finite(value) for name, value in line.items()} for line in lines)
+    return text.getvalue()
+
+
+def _finite(value: Any) -> Any:
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
 FORMATS: dict[str, Callable[..., str]] = {
     "text": lambda result: markup.plain(blocks(result)),
     "markdown": lambda result: markup.markdown(blocks(result)),
     "latex": lambda result: markup.latex_part(blocks(result)),
-    "csv": csv_text,
-    "json": json_text,
+    "csv": _csv,
+    "json": _json,
     "html": lambda result, pictures=(): markup.html_page([*blocks(result), *pictures]),
 }
 

@@ -116,11 +116,6 @@ def tabulars(
     return ["\n".join(lines(columns)) for columns in pieces]
 
 
-def comment(words: str) -> str:
-    """A line that LaTeX does not read."""
-    return f"% {' '.join(words.split())}"
-
-
 def _escaped(words: str) -> str:
     marked = _MINUS.sub("−", words)
     signs = "".join(_SIGNS.get(sign, sign) for sign in marked)

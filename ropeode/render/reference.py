@@ -145,8 +145,7 @@ def _stored_dense_claim(facts: Facts) -> list[str]:
 
 def sparkline(values: np.ndarray) -> str:
     """Positive numbers over time, in blocks, on a logarithmic scale."""
-    columns = np.unique(np.linspace(0, len(values) - 1, min(_SPARKS, len(values))).astype(int))
-    exponents = np.log10(np.maximum(values[columns], np.finfo(np.float64).tiny))
+    exponents = _exponents(values, _SPARKS)
     low, high = exponents.min(), exponents.max()
     filled = (exponents - low) / max(high - low, 1.0) * (len(_BLOCKS) - 2)
     return "".join(_BLOCKS[1 + round(level)] for level in filled.tolist())
@@ -154,24 +153,26 @@ def sparkline(values: np.ndarray) -> str:
 
 def _plot(times: np.ndarray, bound: np.ndarray) -> list[str]:
     """The bound over time, in blocks, on a logarithmic scale."""
-    shown = np.maximum(bound, np.finfo(np.float64).tiny)
-    columns = np.unique(np.linspace(0, len(shown) - 1, min(_COLUMNS, len(shown))).astype(int))
-    exponents = np.log10(shown[columns])
-    low, high = (
-        np.floor(exponents.min()),
-        max(np.ceil(exponents.max()), np.floor(exponents.min()) + 1),
-    )
+    exponents = _exponents(bound, _COLUMNS)
+    low = np.floor(exponents.min())
+    high = max(np.ceil(exponents.max()), low + 1)
     filled = np.round((exponents - low) / (high - low) * _ROWS * 8).astype(int)
-    wide = max(1, _COLUMNS // len(columns))
+    wide = max(1, _COLUMNS // len(filled))
     lines = ["estimated error bound"]
     for row in reversed(range(_ROWS)):
         bars = "".join(_BLOCKS[int(np.clip(level - 8 * row, 0, 8))] * wide for level in filled)
         label = {_ROWS - 1: f"1e{high:+03.0f}", 0: f"1e{low:+03.0f}"}.get(row, "")
         lines.append(f"{label:>7} |{bars}")
-    lines.append(f"{'':>7} +{'-' * wide * len(columns)}")
+    lines.append(f"{'':>7} +{'-' * wide * len(filled)}")
     end = f"t = {times[-1]:g}"
-    lines.append(f"{'':>9}{f't = {times[0]:g}':<{max(1, wide * len(columns) - len(end))}}{end}")
+    lines.append(f"{'':>9}{f't = {times[0]:g}':<{max(1, wide * len(filled) - len(end))}}{end}")
     return lines
+
+
+def _exponents(values: np.ndarray, most: int) -> np.ndarray:
+    """The powers of ten of so many of these numbers, the first and the last among them."""
+    some = np.unique(np.linspace(0, len(values) - 1, min(most, len(values))).astype(int))
+    return np.log10(np.maximum(values[some], np.finfo(np.float64).tiny))
 
 
 def value_words(value: Any) -> str:

@@ -70,13 +70,13 @@ def error_words(table: Errors | WorkPrecision) -> str:
     return f"Error: {table.norm.words}, over samples 1 to {last}."
 
 
-def run_cells(row: Row) -> tuple[str, ...]:
-    """One run as the cells under `RUN_HEADERS`."""
+def run_cells(row: Row, digits: int = 3) -> tuple[str, ...]:
+    """One run as the cells under `RUN_HEADERS`, errors with so many digits behind the point."""
     if row.status != "ok":
         errors = (row.status, f"frame {row.diverged_at}", "")
     else:
         errors = tuple(
-            error_cell(error, row.resolution)
+            error_cell(error, row.resolution, digits)
             for error in (row.error_max, row.error_final, row.error_rms)
         )
     return (
@@ -88,9 +88,9 @@ def run_cells(row: Row) -> tuple[str, ...]:
     )
 
 
-def error_cell(error: float | None, resolution: float) -> str:
+def error_cell(error: float | None, resolution: float, digits: int = 3) -> str:
     """An error; where the reference does not resolve it, what it is below."""
-    return f"< {resolution:.1e}" if error is None else f"{error:.3e}"
+    return f"< {resolution:.1e}" if error is None else f"{error:.{digits}e}"
 
 
 def order_cells(table: AccuracyTable, each: StepperOrder) -> tuple[str, ...]:
@@ -107,11 +107,11 @@ def order_cells(table: AccuracyTable, each: StepperOrder) -> tuple[str, ...]:
     )
 
 
-def observed_words(order: ObservedOrder) -> str:
+def observed_words(order: ObservedOrder, digits: int = 3) -> str:
     """The order that was observed, or why there is none."""
     if order.observed is None or order.verdict != "converges":
         return order.verdict
-    return f"{order.observed:.3f}"
+    return f"{order.observed:.{digits}f}"
 
 
 def order_interval(order: ObservedOrder) -> str:

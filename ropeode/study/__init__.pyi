@@ -34,7 +34,7 @@ from .horizon import Growth as Growth
 from .horizon import Horizon as Horizon
 from .horizon import Need as Need
 from .horizon import Run as Run
-from .methods.naming import as_method as as_method
+from .methods import as_method as as_method
 from .node_paths import PATH_STEPPERS as PATH_STEPPERS
 from .node_paths import PATH_STEPS_PER_FRAME as PATH_STEPS_PER_FRAME
 from .node_paths import NodePath as NodePath

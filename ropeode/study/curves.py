@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, Unpack
+from typing import Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,9 +21,6 @@ from ropeode.steppers import Stepper
 from ropeode.study.accuracy_table import check_steps, chosen_steppers
 from ropeode.study.error_constant import leading_term
 from ropeode.validation import counted
-
-if TYPE_CHECKING:
-    from ropeode.theory import PredictedError
 
 # Lines that a reader can follow in a panel.
 _STEPS_PER_FRAME = (16, 64, 256, 1024)
@@ -123,35 +120,43 @@ def error_curves(
     reference = reference_for(problem, options, lambda text, _: progress(text, 0.0))
 
     @functools.cache
-    def prediction(stepper: Stepper) -> PredictedError | str | None:
+    def leading(stepper: Stepper) -> tuple[np.ndarray | None, int | None]:
         if not predict:
-            return None
+            return None, None
         # Not above: it takes as long to import as JAX, and most curves predict nothing.
         from ropeode.theory import predicted_error
 
-        return predicted_error(reference, method_of(stepper, reference.problem))
-
-    def curve(run: Trajectory) -> Curve:
-        found, own = prediction(run.stepper), error_curve(run, reference, measure)
-        if found is None or isinstance(found, str):
-            return own
-        sizes = leading_term(reference.problem, measure, found)
-        predicted = None if sizes is None else sizes * run.dt**found.order
-        return dataclasses.replace(own, predicted=predicted)
+        found = predicted_error(reference, method_of(stepper, reference.problem))
+        if isinstance(found, str):
+            return None, None
+        return leading_term(reference.problem, measure, found), found.order
 
     runs = runs_of(own, chosen, ladder, progress)
-    return errors_of(reference, measure, map(curve, runs))
+    curves = (error_curve(run, reference, measure, *leading(run.stepper)) for run in runs)
+    return errors_of(reference, measure, curves)
 
 
-def error_curve(run: Trajectory, reference: Reference, norm: Norm) -> Curve:
+def error_curve(
+    run: Trajectory,
+    reference: Reference,
+    norm: Norm,
+    leading: np.ndarray | None = None,
+    order: int | None = None,
+) -> Curve:
     """The error of a run of any status against time, without the first sample.
 
     Arguments:
         run: on the problem of the reference.
         reference: that it is compared with.
         norm: in which errors are measured.
+        leading: the predicted error over ``dt**order`` at all trusted samples but the first; None
+            where there is no prediction.
+        order: the power of dt; likewise.
     """
-    return curve_of(run, run.times[1:], distances(run.states, reference, norm)[1:])
+    curve = curve_of(run, run.times[1:], distances(run.states, reference, norm)[1:])
+    if leading is None or order is None:
+        return curve
+    return dataclasses.replace(curve, predicted=leading * run.dt**order)
 
 
 def errors_of(reference: Reference, norm: Norm, curves: Iterable[Curve]) -> ErrorCurves:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import Any, Protocol, TypeVar
 
-from ropeode.errors import InputError, UserCodeError
-from ropeode.validation import complaint
+from ropeode.errors import InputError
+from ropeode.validation import bad_value, check_all, complaint
 
 
 class Labelled(Protocol):
@@ -41,26 +42,18 @@ def each_once(
         InputError: one line for each that cannot be made or is at fault.
         UserCodeError: the user's file or class raised.
     """
+    entries = given if isinstance(given, (list, tuple)) else [given]
+    if not entries:
+        raise bad_value(f"{kind}s", [], f"at least one {kind}", f"name one, such as {examples}")
     chosen: dict[str, L] = {}
-    faults: list[str] = []
-    for each in given if isinstance(given, (list, tuple)) else [given]:
-        try:
-            made = make(each)
-        except UserCodeError:
-            # Its cause is shown with it.
-            raise
-        except InputError as error:
-            faults.extend(error.problems)
-            continue
-        if wrong := fault(made, chosen.get(made.label)):
-            faults.append(wrong)
-        chosen[made.label] = made
-    if not chosen and not faults:
-        faults.append(
-            complaint(f"{kind}s", [], f"at least one {kind}", f"name one, such as {examples}")
-        )
-    if faults:
-        raise InputError(faults)
+
+    def take(entry: Any) -> None:
+        made = make(entry)
+        earlier, chosen[made.label] = chosen.get(made.label), made
+        if wrong := fault(made, earlier):
+            raise InputError(wrong)
+
+    check_all(*(functools.partial(take, each) for each in entries))
     return list(chosen.values())
 
 

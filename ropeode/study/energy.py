@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Unpack
 
 import jax
@@ -18,7 +18,6 @@ from ropeode.precision import in_float64
 from ropeode.problems import Problem
 from ropeode.progress import Progress, bar, shows_progress
 from ropeode.references import Asked, Reference, ReferenceOptions, problem_of, reference_for
-from ropeode.simulation import Trajectory
 from ropeode.steppers import Stepper
 from ropeode.study.accuracy_table import check_steps, chosen_steppers
 from ropeode.study.curves import Curve, curve_of, runs_of
@@ -101,20 +100,21 @@ def energy_curves(
     check_energy(own)
     options = ReferenceOptions(**asked)
     chosen, ladder = chosen_steppers(own, steppers), check_steps(steps_per_frame)
-    best = _Best()
 
     def running(text: str, part: float | None) -> None:
         progress(text, None if part is None else 0.9 * part)
 
-    def curves() -> Iterator[Curve]:
-        for run in runs_of(own, chosen, ladder, running):
-            energies = own.energies(run.states)
-            best.look_at(run, energies)
-            yield curve_of(run, run.times, energies)
-
-    drawn = tuple(curves())
+    drawn: list[Curve] = []
+    # The states of the run that keeps its energy best, which is most like the solution.
+    best, least = None, np.inf
+    for run in runs_of(own, chosen, ladder, running):
+        energies = own.energies(run.states)
+        drawn.append(curve_of(run, run.times, energies))
+        change = float(np.max(np.abs(energies - energies[0]))) if run.status == "ok" else np.inf
+        if change < least:
+            best, least = run.states, change
     known = problem if isinstance(problem, Reference) else None
-    along = known.states[: known.trusted] if known else best.states
+    along = known.states[: known.trusted] if known else best
     slopes = None if along is None else _slopes(own, along)
     if known is None and (slopes is None or not _conserved(own, slopes)):
         known = reference_for(own, options, lambda text, _: progress(text, 0.9))
@@ -122,26 +122,17 @@ def energy_curves(
         slopes = _slopes(own, along)
     assert along is not None
     assert slopes is not None
-    found = _energies(own, known, along, slopes, drawn)
+    found = energies_of(own, known, along, drawn, slopes)
     progress("done", 1.0)
     return found
 
 
-class _Best:
-    """The states of the run that keeps its energy best, which is most like the solution."""
-
-    def __init__(self) -> None:
-        self.states: np.ndarray | None = None
-        self._change = np.inf
-
-    def look_at(self, run: Trajectory, energies: np.ndarray) -> None:
-        change = float(np.max(np.abs(energies - energies[0]))) if run.status == "ok" else np.inf
-        if change < self._change:
-            self.states, self._change = run.states, change
-
-
 def energies_of(
-    problem: Problem, reference: Reference | None, along: np.ndarray, curves: Sequence[Curve]
+    problem: Problem,
+    reference: Reference | None,
+    along: np.ndarray,
+    curves: Sequence[Curve],
+    slopes: _Slopes | None = None,
 ) -> EnergyCurves:
     """Energies of runs with the true ones.
 
@@ -151,17 +142,10 @@ def energies_of(
         along: states of the reference inside its trust horizon, or else of a good run,
             ``(times, *state)``.
         curves: of energies.
+        slopes: how the energy changes at these states, where that is known already.
     """
-    return _energies(problem, reference, along, _slopes(problem, along), curves)
-
-
-def _energies(
-    problem: Problem,
-    reference: Reference | None,
-    along: np.ndarray,
-    slopes: _Slopes,
-    curves: Sequence[Curve],
-) -> EnergyCurves:
+    if slopes is None:
+        slopes = _slopes(problem, along)
     start = problem.energies(problem.y0[None])
     rounding = np.maximum.accumulate(np.finfo(np.float64).eps * slopes.size[: len(along)])
     conserved, known = _conserved(problem, slopes), None

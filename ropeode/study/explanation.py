@@ -525,11 +525,8 @@ def _against_time(ready: Method, tables: Sequence[AccuracyTable]) -> Iterator[Er
         for steps in _shown_steps(table, constant):
             if steps not in runs:
                 runs[steps] = simulate(table.problem, ready, steps)
-            run, predicted = runs[steps], constant.predicted_at
-            curve = error_curve(run, table.reference, table.norm)
-            if predicted is not None and constant.order is not None:
-                curve = dataclasses.replace(curve, predicted=predicted * run.dt**constant.order)
-            curves.append(curve)
+            leading = constant.predicted_at, constant.order
+            curves.append(error_curve(runs[steps], table.reference, table.norm, *leading))
         yield errors_of(table.reference, table.norm, curves)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Sequence
 from typing import Any, ClassVar, Literal, get_args
@@ -13,7 +14,7 @@ from scipy import special
 
 from ropeode.analysis import LyapunovExponent, distances_from, lyapunov_exponent, mean_slope
 from ropeode.display import Tabular
-from ropeode.errors import InputError, ReferenceRefused
+from ropeode.errors import ReferenceRefused
 from ropeode.json_form import json_shows
 from ropeode.precision import in_float64
 from ropeode.problems import Problem, require_problem
@@ -36,7 +37,7 @@ from ropeode.references import (
     reference_for,
     witness_runs,
 )
-from ropeode.validation import bad_value, check_positive, check_whole, complaint
+from ropeode.validation import bad_value, check_all, check_positive, check_whole
 
 HORIZON_SPANS = (100.0, 300.0, 1000.0)
 # Of float64, to whole digits.
@@ -309,25 +310,21 @@ def check_spans(problem: Problem, spans: Any) -> tuple[float, ...]:
     """
     frame = float(problem.ts[-1] - problem.ts[0]) / problem.frames
     most = _FRAMES_AT_MOST * frame
-    numbers, faults = [], []
     try:
         spans = list(spans)
     except TypeError:
         raise bad_value("spans", spans, "several spans", "for example 100, 300") from None
-    for span in spans:
-        try:
-            numbers.append(check_positive("spans", span, example="100,300"))
-        except InputError as error:
-            faults += error.problems
-            continue
-        if numbers[-1] > most:
-            allowed = f"at most {most:g}, which is {_FRAMES_AT_MOST} frames"
-            faults.append(complaint("spans", span, allowed, f"for example spans={most:g}"))
     if not spans:
-        faults.append(complaint("spans", spans, "one or more", "for example spans=100,300"))
-    if faults:
-        raise InputError(faults)
-    return tuple(sorted(set(numbers)))
+        raise bad_value("spans", spans, "one or more", "for example spans=100,300")
+
+    def check(span: Any) -> float:
+        number = check_positive("spans", span, example="100,300")
+        if number > most:
+            allowed = f"at most {most:g}, which is {_FRAMES_AT_MOST} frames"
+            raise bad_value("spans", span, allowed, f"for example spans={most:g}")
+        return number
+
+    return tuple(sorted(set(check_all(*(functools.partial(check, span) for span in spans)))))
 
 
 def _check_agreement(reference: Reference, truth: ExtendedSolution, primary: Run) -> None:

@@ -29,16 +29,15 @@ from ropeode.references import (
 from ropeode.simulation import step_size
 from ropeode.study.accuracy_table import check_steps
 from ropeode.study.energy import energies_of
-from ropeode.study.methods.in_turns import Timed, run_in_turns
-from ropeode.study.methods.method import Attempt, LadderMethod, Status
-from ropeode.study.methods.naming import chosen_methods
+from ropeode.study.in_turns import Errors, Timed, run_in_turns
+from ropeode.study.methods import Attempt, LadderMethod, Status, chosen_methods
 from ropeode.study.pareto import Reached, cost_to_reach, pareto_front
 from ropeode.threads import cores, threads
 from ropeode.validation import (
     bad_value,
+    check_all,
     check_positive,
     check_whole,
-    complaint,
     positive_number,
     unknown,
 )
@@ -474,36 +473,27 @@ def check_ladders(
         InputError: one line for each ladder that is none, or that no method has a use for.
     """
     kinds = {method.adaptive for method in methods}
-    faults, ladders = [], {False: DEFAULT_STEPS, True: DEFAULT_RTOL}
-    for adaptive, name, given, check in (
-        (False, "steps_per_frame", steps_per_frame, _steps),
-        (True, "rtol", rtol, _tolerances),
-    ):
-        if given is None:
-            continue
-        if adaptive not in kinds:
-            are, add = (
-                ("have constant steps", "an adaptive one, such as diffrax:Tsit5")
-                if adaptive
-                else (
-                    "are adaptive",
-                    "one of constant steps, such as rk4 or diffrax:Tsit5:constant",
-                )
+
+    def steps() -> tuple[float, ...]:
+        if steps_per_frame is None:
+            return DEFAULT_STEPS
+        if False not in kinds:
+            fix = (
+                "leave it out, or add one of constant steps, such as rk4 or diffrax:Tsit5:constant"
             )
-            allowed = f"none where all methods {are}"
-            faults.append(complaint(name, given, allowed, f"leave it out, or add {add}"))
-            continue
-        try:
-            ladders[adaptive] = check(given)
-        except InputError as error:
-            faults += error.problems
-    if faults:
-        raise InputError(faults)
-    return ladders
+            allowed = "none where all methods are adaptive"
+            raise bad_value("steps_per_frame", steps_per_frame, allowed, fix)
+        return tuple(sorted(check_steps(steps_per_frame)))
 
+    def tolerances() -> tuple[float, ...]:
+        if rtol is None:
+            return DEFAULT_RTOL
+        if True not in kinds:
+            fix = "leave it out, or add an adaptive one, such as diffrax:Tsit5"
+            raise bad_value("rtol", rtol, "none where all methods have constant steps", fix)
+        return _tolerances(rtol)
 
-def _steps(given: Any) -> tuple[float, ...]:
-    return tuple(sorted(check_steps(given)))
+    return dict(zip((False, True), check_all(steps, tolerances), strict=True))
 
 
 def _tolerances(given: Any) -> tuple[float, ...]:
@@ -519,14 +509,6 @@ def _tolerances(given: Any) -> tuple[float, ...]:
     return tuple(sorted(numbers, reverse=True))
 
 
-@dataclasses.dataclass(frozen=True)
-class _Errors:
-    final: float | None = None
-    max: float | None = None
-    rms: float | None = None
-    energy: float | None = None
-
-
 class _Measuring:
     """The errors of runs against a reference."""
 
@@ -540,12 +522,14 @@ class _Measuring:
             self._energies = energies_of(problem, reference, reference.states[:trusted], ())
             self.energy_resolution = float(np.max(self._energies.resolution[:trusted]))
 
-    def measure(self, attempt: Attempt) -> tuple[Attempt, _Errors]:
-        """The errors of a run; one that is far off is `unstable`."""
+    def measure(self, attempt: Attempt) -> tuple[Attempt, Errors]:
+        """The errors of a run, by the names of `MEASURES`; one that is far off is `unstable`."""
         if attempt.status != "ok":
-            return attempt, _Errors()
+            return attempt, dict.fromkeys(MEASURES)
         series = error_series(attempt.states, self._reference, self._norm.name)
-        found = _Errors(series.final, series.max, series.rms, self._energy_error(attempt.states))
+        energy = self._energy_error(attempt.states)
+        sizes = series.final, series.max, series.rms, energy
+        found: Errors = dict(zip(MEASURES, sizes, strict=True))
         if series.max is not None and series.max > UNSTABLE_FROM * self._motion:
             why = "its error is larger than twice the motion"
             attempt = dataclasses.replace(attempt, status="unstable", why=why)
@@ -561,27 +545,24 @@ class _Measuring:
         return float(error) if error >= self.energy_resolution else None
 
 
-def _row(timed: Timed[_Errors], problem: Problem) -> WorkRow:
-    method, attempt, errors = timed.method, timed.attempt, timed.measured
+def _row(timed: Timed, problem: Problem) -> WorkRow:
+    method, attempt, largest = timed.method, timed.attempt, timed.errors["error_max"]
     adaptive = method.adaptive
     seconds = timed.seconds
     if not seconds and attempt.status in ("unstable", "diverged", "unsolved"):
-        seconds = (attempt.seconds,)
+        seconds = [attempt.seconds]
     over = None
-    if adaptive and errors.max is not None:
-        over = errors.max / (timed.effort * problem.scale)
+    if adaptive and largest is not None:
+        over = largest / (timed.effort * problem.scale)
     return WorkRow(
         method=method.label,
         family=method.family,
         effort=timed.effort,
         dt=None if adaptive else step_size(problem, int(timed.effort)),
         rtol=timed.effort if adaptive else None,
-        error_final=errors.final,
-        error_max=errors.max,
-        error_rms=errors.rms,
-        energy_error=errors.energy,
+        **timed.errors,
         error_over_tolerance=over,
-        resolved=errors.max is not None,
+        resolved=largest is not None,
         status=attempt.status,
         why=attempt.why,
         rhs_evaluations=attempt.rhs_evaluations,

@@ -176,7 +176,7 @@ def test_version_and_steppers(run):
     assert run("--version").stdout.startswith("ropeode ")
     done = run("steppers")
     assert done.returncode == 0
-    assert "\n  stormer-verlet " in done.stdout
+    assert "\nstormer-verlet " in done.stdout
     assert "start=rest,damping=per-step" in run("steppers", "stormer-verlet").stdout
 
 

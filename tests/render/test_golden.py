@@ -40,8 +40,13 @@ def test_every_format_is_that_of_its_file(name, form):
         assert max(map(len, text.splitlines())) <= 80
     if form == "json":
         assert_conforms(text)
-    # How a picture is drawn, is a matter of matplotlib.
-    check_golden(name + FORMATS[form], re.sub(r"<svg.*?</svg>", "<svg/>", text, flags=re.DOTALL))
+    check_golden(name + FORMATS[form], re.sub(r"<svg.*?</svg>", words_of, text, flags=re.DOTALL))
+
+
+def words_of(picture):
+    """How it is drawn, is a matter of matplotlib; here is what its points say to a pointer."""
+    titles = re.findall(r"<title>.*?</title>", picture[0], flags=re.DOTALL)
+    return "\n".join(["<svg>", *titles, "</svg>"])
 
 
 @pytest.mark.parametrize("name", MADE_UP)

@@ -6,11 +6,12 @@ import inspect
 
 from ropeode.render import describe_stepper, list_steppers
 from ropeode.steppers import STEPPERS, as_stepper, options
+from tests.golden import check_golden
 
 
 def test_every_stepper_is_in_the_list():
     for name, cls in STEPPERS.items():
-        assert f"\n  {name} " in list_steppers()
+        assert f"\n{name} " in list_steppers()
         assert cls.family in list_steppers().splitlines()
         # Line breaks aside, its description and its source.
         words = "".join(describe_stepper(cls()).split())
@@ -25,21 +26,18 @@ def test_every_stepper_is_in_the_list():
     assert max(map(len, list_steppers().splitlines())) <= 80
 
 
-def test_all_of_one_stepper_gives_orders_on_the_problems_that_it_is_for():
-    def orders(stepper):
-        lines = describe_stepper(as_stepper(stepper)).split("\n\n")[-1].splitlines()
-        return {line.split()[0]: line.split()[1:] for line in lines[2:]}
-
-    assert orders("rattle") == {"rattle": ["2"] * 4}
-    assert orders("constraint-verlet")["start=rest"] == ["1", "0", "1", "0"]
-    assert orders("stormer-verlet")["damping=per-step"] == ["2", "2", "0", "0"]
-    assert orders("diffrax:Heun") == {"diffrax:Heun": ["2"] * 4}
-    assert orders(lambda rhs, t, y, dt, args: y) == {"<lambda>": ["-"] * 4}
-
-
-def test_a_tableau_of_a_users_is_shown(tmp_path):
+def test_all_of_one_stepper_is_that_of_its_file(tmp_path):
+    check_golden("stormer-verlet.txt", describe_stepper(as_stepper("stormer-verlet")))
     (tmp_path / "own.toml").write_text("A = [[], [1]]\nb = [0.5, 0.5]\nname = 'mine'")
-    text = describe_stepper(as_stepper("runge-kutta:own.toml", folder=tmp_path))
-    assert text.startswith("mine\n")
-    assert "family:     Runge-Kutta" in text
-    assert "mine  2          2          2        2" in text
+    own = as_stepper("runge-kutta:own.toml", folder=tmp_path)
+    check_golden("own-tableau.txt", describe_stepper(own))
+
+
+def test_orders_are_those_on_the_problems_that_a_stepper_is_for():
+    for stepper, orders in (
+        ("rattle", ["2"] * 4),
+        ("diffrax:Heun", ["2"] * 4),
+        (lambda rhs, t, y, dt, args: y, ["-"] * 4),
+    ):
+        lines = describe_stepper(as_stepper(stepper)).splitlines()
+        assert lines[-1].split()[1:] == orders

@@ -15,6 +15,7 @@ from tests.schemas import assert_conforms
 from tests.steppers.every_variant import SINGLE_OPTIONS
 
 STEPS = (64, 128, 256)
+OSCILLATOR = PROBLEMS["oscillator"](damping=0.2, frames=3)
 
 
 def damped_per_step(acceleration, t, x, v, dt, args):
@@ -26,17 +27,10 @@ def own_euler(rhs, t, y, dt, args):
     return y + dt * np.asarray(rhs(t, y, args))
 
 
-@pytest.fixture(scope="module")
-def known():
-    return reference(Rope(num_nodes=4).problem(frames=3))
-
-
-@pytest.fixture(scope="module")
-def right(known):
-    return explain_stepper(own_euler, known, steps_per_frame=STEPS, method="semi-implicit-euler")
-
-
-def test_a_right_step(right):
+def test_a_right_step():
+    """Of an oscillator, of which all is known that is of a rope but for its equilibrium."""
+    method = "semi-implicit-euler"
+    right = explain_stepper(own_euler, OSCILLATOR, steps_per_frame=STEPS, method=method)
     check_result(right)
     local = right.local
     assert (local.order, local.one_step) == (1, True)
@@ -57,20 +51,8 @@ def test_a_right_step(right):
 
 
 @pytest.mark.slow
-def test_orders_of_other_classes(known):
-    found = explain_stepper("stormer-verlet:start=rest", known, steps_per_frame=STEPS)
-    assert [(*each.of_class[:2], each.local or 0, each.declared) for each in found.orders] == [
-        (True, True, 1, 1),
-        (True, False, 0, 0),
-        (False, True, 1, 1),
-        (False, False, 0, 0),
-    ]
-    assert not found.local.one_step
-    assert found.local.order == 1
-
-
-@pytest.mark.slow
-def test_no_identity(known):
+def test_a_wrong_step_and_orders_of_other_classes():
+    known = reference(Rope(num_nodes=4).problem(frames=3))
     wrong = explain_stepper(damped_per_step, known, steps_per_frame=STEPS)
     assert wrong.local.order == -1
     position, velocity = wrong.local.quantities
@@ -80,10 +62,16 @@ def test_no_identity(known):
     assert "Each step multiplies velocities by 0.99995, whatever dt is" in text
     assert "No error constant is predicted" in text
     assert wrong.tables[0].orders[0].constant.predicted is None
-
-
-@pytest.mark.slow
-def test_damping_at_each_step_shows_in_problems_that_start_at_rest():
+    found = explain_stepper("stormer-verlet:start=rest", known, steps_per_frame=STEPS)
+    assert [(*each.of_class[:2], each.local or 0, each.declared) for each in found.orders] == [
+        (True, True, 1, 1),
+        (True, False, 0, 0),
+        (False, True, 1, 1),
+        (False, False, 0, 0),
+    ]
+    assert not found.local.one_step
+    assert found.local.order == 1
+    # Damping at each step shows in problems that start at rest.
     problem = Rope(num_nodes=4, damping=0.05).problem(frames=3)
     found = explain_stepper("stormer-verlet:damping=per-step", problem, steps_per_frame=STEPS)
     assert found.local.order is not None

@@ -35,8 +35,7 @@ def chaotic():
 @pytest.mark.slow
 def test_float64_loses_all_its_digits(chaotic):
     left = {each.digits: each for each in chaotic.digits_left}
-    for digits in (12, 8, 4, 1):
-        each = left[digits]
+    for each in (left[12], left[4], left[1]):
         assert each.certificate <= each.reference <= each.luckiest
     # 11 digits at 0.9056/ln 10 each time unit, give or take what ten units differ by.
     assert left[1].reference - left[12].reference == pytest.approx(11 / 0.393, rel=0.25)
@@ -84,12 +83,8 @@ def test_a_prediction_holds(chaotic):
     assert need.digits == pytest.approx(chaotic.needs[1].digits, abs=2 * 1.34)
 
 
-@pytest.fixture(scope="module")
-def calm():
-    return horizon(PROBLEMS["oscillator"](frames=4), [4, 100], time_limit=NEVER)
-
-
-def test_nothing_is_lost(calm):
+def test_nothing_is_lost():
+    calm = horizon(PROBLEMS["oscillator"](frames=4), [4, 100], time_limit=NEVER)
     check_result(calm)
     # One unit of rounding in a state of size 1 is 2.2e-16, and there are not a hundred of them.
     assert all(each.digits >= 14 for each in calm.digits_left if each.reference is not None)

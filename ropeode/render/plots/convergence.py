@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 import matplotlib
 import numpy as np
@@ -29,7 +30,6 @@ from ropeode.render.plots.style import (
     new_figure,
     stepper_style,
 )
-from ropeode.render.plots.triangles import FittedLine, draw_triangles
 from ropeode.study import AccuracyTable, StepperOrder
 from ropeode.validation import bad_value
 
@@ -40,6 +40,26 @@ _AXES_HEIGHT = 3.8
 _DENSE = 40
 # Over a shorter range, step sizes between powers of ten are labelled too.
 _FEW_DECADES = 50.0
+# Of the triangles that show slopes, in parts of the axes' width and height.
+_LEG = 0.09
+_GAP = 0.03
+_EDGE = 0.03
+_PLACES = 13
+_WIDER_THAN_HIGH = 1.7
+
+
+class FittedLine(NamedTuple):
+    """A power law over a range of step sizes.
+
+    Fields:
+        slope: as fitted.
+        dts: step sizes, ``(points,)``.
+        errors: of the fit there, ``(points,)``.
+    """
+
+    slope: float
+    dts: np.ndarray
+    errors: np.ndarray
 
 
 @matplotlib.rc_context(STYLE)
@@ -201,3 +221,71 @@ def _order_words(each: StepperOrder) -> str:
     return (
         f"{each.stepper}: {words} {order.observed:.3f} {table_words.order_interval(order)}{other}"
     )
+
+
+def draw_triangles(
+    axes: Axes, lines: Sequence[FittedLine], points: np.ndarray, floor: float
+) -> None:
+    """A triangle for each observed order, where it covers the least.
+
+    Arguments:
+        axes: with their limits set.
+        lines: all the fitted ones.
+        points: all that is drawn, ``(points, 2)``, step sizes and errors.
+        floor: an error below which there is no place.
+    """
+    to_axes = axes.transScale + axes.transLimits
+    taken = to_axes.transform(points)
+    lowest = to_axes.transform((points[0, 0], floor))[1]
+    decade = to_axes.transform((10.0, 10.0)) - to_axes.transform((1.0, 1.0))
+    for order in sorted({order for line in lines if (order := round(line.slope)) > 0}):
+        own = [line for line in lines if round(line.slope) == order]
+        rise = order * _LEG * decade[1] / decade[0]
+        places = [
+            (_clearance(corners, taken), corners)
+            for line in own
+            for corners in _places(to_axes.transform(np.stack([line.dts, line.errors], 1)), rise)
+            if corners[:, 0].min() > _EDGE and corners[:, 0].max() < 1 - 2 * _EDGE
+            if lowest + _EDGE < corners[:, 1].min() and corners[:, 1].max() < 1 - _EDGE
+        ]
+        if places:
+            corners = max(places, key=lambda each: each[0])[1]
+            taken = np.concatenate([taken, corners])
+            _draw(axes, corners, order)
+
+
+def _places(ends: np.ndarray, rise: float) -> Iterable[np.ndarray]:
+    """Corners ``(3, 2)``, the right angle in the middle, on both sides along a line."""
+    along = np.linspace(0.0, 1.0, _PLACES)[:, None]
+    starts = ends[0] + along * (ends[-1] - ends[0] - (_LEG, rise))
+    for (x, y), side in itertools.product(starts, (-1, 1)):
+        y += side * (_GAP + 0.5 * abs(rise))
+        corner = (x + _LEG, y) if side < 0 else (x, y + rise)
+        yield np.array([(x, y), corner, (x + _LEG, y + rise)])
+
+
+def _clearance(corners: np.ndarray, taken: np.ndarray) -> float:
+    middles = (corners + np.roll(corners, 1, axis=0)) / 2
+    apart = np.concatenate([corners, middles])[:, None] - taken
+    return float(np.min(np.hypot(_WIDER_THAN_HIGH * apart[..., 0], apart[..., 1])))
+
+
+def _draw(axes: Axes, corners: np.ndarray, order: int) -> None:
+    axes.fill(
+        *corners.T, transform=axes.transAxes, facecolor="0.93", edgecolor="0.35", linewidth=0.8
+    )
+    (x0, _), (xc, yc), (x1, _) = corners
+    below = xc == x1
+    words = {"transform": axes.transAxes, "fontsize": 7, "color": "0.2"}
+    axes.text(
+        xc + (0.006 if below else -0.006),
+        float(np.mean(corners[[0, 2], 1])),
+        str(order),
+        ha="left" if below else "right",
+        va="center",
+        **words,
+    )
+    axes.text(
+        (x0 + x1) / 2, yc - (0.008 if below else -0.008), "1", ha="center",
+        va="top" if below else "bottom", **words,
+    )  # fmt: skip

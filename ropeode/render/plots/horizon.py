@@ -11,9 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator, NullLocator
 
+from ropeode.render.plots.against_time import draw_horizon
 from ropeode.render.plots.labels import with_unit
 from ropeode.render.plots.style import BAND, BAND_EDGE, STYLE, make_room, new_figure, stepper_style
-from ropeode.render.plots.time_axes import draw_horizon
 from ropeode.render.table_words import problem_words
 from ropeode.study import Horizon
 from ropeode.validation import check_kind

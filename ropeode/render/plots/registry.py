@@ -1,4 +1,4 @@
-"""The types of plots, by name."""
+"""The types of plots, by name, and the pictures that go with an explanation."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 from matplotlib.figure import Figure
 
 from ropeode.checking import trajectory_energy_curves, trajectory_error_curves, trajectory_errors
+from ropeode.render.plots.against_time import plot_energies, plot_errors
 from ropeode.render.plots.convergence import plot_convergence
-from ropeode.render.plots.energy import plot_energies
-from ropeode.render.plots.error import plot_errors
-from ropeode.study import IN_TIME, Predict, energy_curves, error_curves
+from ropeode.render.plots.style import figure_bytes
+from ropeode.study import IN_TIME, Explanation, Predict, energy_curves, error_curves
 from ropeode.study.accuracy_table import accuracy_table
 
 
@@ -55,3 +55,27 @@ PLOTS: dict[str, Plot] = {
         _without_norm(energy_curves), _without_norm(trajectory_energy_curves), plot_energies
     ),
 }
+
+
+def explanation_pictures(explanation: Explanation) -> dict[str, bytes]:
+    """Errors against step size and against time, measured and predicted; the region of stability.
+
+    Arguments:
+        explanation: from `ropeode.explain_stepper`.
+
+    Returns:
+        The contents of PNG files, by file name.
+    """
+    figures = {
+        f"convergence-{table.norm.quantity}": plot_convergence(table)
+        for table in explanation.tables
+    }
+    if explanation.region is not None:
+        # Not above: it imports theory, which other pictures do not need.
+        from ropeode.render.plots.stability import plot_stability
+
+        figures["stability"] = plot_stability(explanation)
+    for curves in explanation.against_time:
+        if curves.curves:
+            figures[f"error-{curves.norm.quantity}"] = plot_errors(curves)
+    return {f"{name}.png": figure_bytes(figure, ".png") for name, figure in figures.items()}

@@ -1,4 +1,4 @@
-"""Colours, markers and sizes: readable in print and by the colour-blind."""
+"""Colours, markers, sizes and files of pictures: readable in print and by the colour-blind."""
 
 from __future__ import annotations
 
@@ -36,6 +36,12 @@ STYLE: Any = {
     # The same figure makes the same file.
     "svg.hashsalt": "ropeode",
 }
+# Suffix: the time of writing in its metadata, left out so that a figure makes the same file.
+FIGURES: dict[str, dict[str, None]] = {
+    ".png": {},
+    ".pdf": {"CreationDate": None},
+    ".svg": {"Date": None},
+}
 FIGURE_WIDTH = 6.5
 DPI = 200
 _SCREEN_DPI = 110
@@ -70,6 +76,20 @@ class Picture(Figure):
         with matplotlib.rc_context(STYLE):
             self.savefig(contents, format="png", dpi=_SCREEN_DPI)
         return contents.getvalue()
+
+
+@matplotlib.rc_context(STYLE)
+def figure_bytes(figure: Figure, suffix: str) -> bytes:
+    """A figure as the contents of a file.
+
+    Arguments:
+        figure: from one of the plotting functions.
+        suffix: one of `FIGURES`, in small or capital letters.
+    """
+    suffix = suffix.lower()
+    contents = io.BytesIO()
+    figure.savefig(contents, format=suffix[1:], metadata=FIGURES[suffix])
+    return contents.getvalue()
 
 
 def new_figure(title: str, more: str, height: float) -> Figure:

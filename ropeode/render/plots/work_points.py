@@ -24,6 +24,8 @@ MARKS: dict[str, dict[str, Any]] = {
 # Room around the points, as a factor.
 _AROUND, _ABOVE, _BELOW = 1.6, 4.0, 4.0
 
+Ends = tuple[float, float]
+
 
 class WorkPoint(NamedTuple):
     """One run in the picture.
@@ -41,22 +43,10 @@ class WorkPoint(NamedTuple):
     mark: str
 
 
-class Limits(NamedTuple):
-    """The ends of the axes.
-
-    Fields:
-        cost: the least and the most.
-        error: the least and the most.
-    """
-
-    cost: tuple[float, float]
-    error: tuple[float, float]
-
-
 def points_and_limits(
     study: WorkPrecision, cost: Cost, measure: Measure
-) -> tuple[list[WorkPoint], Limits]:
-    """The runs that have a cost, each with its mark and inside the axes."""
+) -> tuple[list[WorkPoint], Ends, Ends]:
+    """The runs that have a cost, each with its mark and inside the axes; their ends."""
     resolution = check_axes(study, cost, measure)
     paid = [(row, float(value)) for row in study.rows if (value := _paid(study, row, cost))]
     known = [error for row, _ in paid if row.status == "ok" and (error := getattr(row, measure))]
@@ -67,8 +57,8 @@ def points_and_limits(
     costs = [value for _, value in paid] or [1.0]
     if cost == "seconds":
         costs += [end for row, _ in paid for end in (row.seconds_min, row.seconds_max) if end]
-    limits = Limits(_with_powers_of_ten(min(costs) / _AROUND, max(costs) * _AROUND), (low, high))
-    return [_point(row, value, measure, resolution, limits) for row, value in paid], limits
+    points = [_point(row, value, measure, max(resolution, low), high) for row, value in paid]
+    return points, _with_powers_of_ten(min(costs) / _AROUND, max(costs) * _AROUND), (low, high)
 
 
 def _with_powers_of_ten(low: float, high: float) -> tuple[float, float]:
@@ -90,17 +80,15 @@ def _paid(study: WorkPrecision, row: WorkRow, cost: Cost) -> float | None:
     return getattr(row, cost)
 
 
-def _point(
-    row: WorkRow, cost: float, measure: Measure, resolution: float, limits: Limits
-) -> WorkPoint:
-    low, high = limits.error
+def _point(row: WorkRow, cost: float, measure: Measure, low: float, high: float) -> WorkPoint:
+    """Unresolved runs stand at `low`, and those without an error at `high`."""
     error = getattr(row, measure)
     if error == INFINITE or row.status in ("unstable", "diverged", "unsolved", "failed"):
         return WorkPoint(row, cost, high, BLEW_UP)
     if row.status != "ok":
         return WorkPoint(row, cost, high, STOPPED)
     if error is None:
-        return WorkPoint(row, cost, max(resolution, low), BELOW)
+        return WorkPoint(row, cost, low, BELOW)
     return WorkPoint(row, cost, error, CERTIFIED)
 
 

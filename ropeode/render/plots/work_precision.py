@@ -17,7 +17,6 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import NullFormatter
 
 from ropeode.render import table_words
-from ropeode.render.plots.files import figure_bytes
 from ropeode.render.plots.labels import with_unit
 from ropeode.render.plots.point_labels import place_labels
 from ropeode.render.plots.point_markers import UNRESOLVED
@@ -29,6 +28,7 @@ from ropeode.render.plots.style import (
     MARKERS,
     STYLE,
     draw_legends,
+    figure_bytes,
     new_figure,
 )
 from ropeode.render.plots.work_points import (
@@ -144,18 +144,18 @@ def _figure(
         words = "Error: largest difference from the true energy at the samples"
     figure = new_figure(title, words, _AXES_HEIGHT)
     axes = figure.subplots()
-    drawn, limits = points_and_limits(study, cost, measure)
+    drawn, wide, high = points_and_limits(study, cost, measure)
     quantity = "energy" if measure == "energy_error" else study.norm.quantity
     axes.set(
         xscale="log",
         yscale="log",
-        xlim=limits.cost,
-        ylim=limits.error,
+        xlim=wide,
+        ylim=high,
         xlabel=_COST_LABELS[cost],
         ylabel=with_unit(_MEASURE_WORDS[measure], study.problem, quantity),
     )
     axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.axhspan(limits.error[0] / 10.0, resolution, color=BAND, linewidth=0, zorder=0.5)
+    axes.axhspan(high[0] / 10.0, resolution, color=BAND, linewidth=0, zorder=0.5)
     axes.axhline(resolution, color=BAND_EDGE, linewidth=0.8, zorder=0.6)
     front = front_line(study, cost, measure)
     axes.plot(*front, label="front", gid="front", **_FRONT)

@@ -12,11 +12,11 @@ from ropeode.analysis import REASONS, UNRESOLVED, UNSTABLE, LeftOut, ObservedOrd
 from ropeode.norms import NORMS
 from ropeode.problems import Problem
 from ropeode.study import (
-    INFINITE,
     AccuracyTable,
     Curve,
     EnergyCurves,
     ErrorCurves,
+    Explanation,
     NodePath,
     NodePaths,
     StepperOrder,
@@ -24,8 +24,10 @@ from ropeode.study import (
 )
 from ropeode.study.error_constant import ErrorConstant
 from ropeode.sweep import COLUMNS
+from ropeode.theory import Spectrum, StabilityFunction, stability_region
 from tests.quartic import HOSTILE, quartic
 from tests.render.made_up import (
+    explanation,
     problem,
     reference,
     table_of,
@@ -63,6 +65,16 @@ def every_reason() -> AccuracyTable:
         rows,
         [order_of(name, 2.0, dts, left_out), dataclasses.replace(fourth, constant=known)],
     )
+
+
+def all_twice() -> AccuracyTable:
+    """The same with steppers of which each two do the same."""
+    table = every_reason()
+
+    def twice(each):
+        return (*each, *(dataclasses.replace(one, stepper=f"{one.stepper}:b") for one in each))
+
+    return table_of(twice(table.rows), twice(table.orders))
 
 
 def no_order(*steps, **more) -> AccuracyTable:
@@ -150,8 +162,7 @@ def work() -> WorkPrecision:
 
     rk4, *others = map(changed, work_precision().rows)
     diverged = work_row("rk4", 4, None, 16, status="diverged")
-    wild = work_row("wild", 1e-3, None, 100, energy_error=INFINITE)
-    return work_of(diverged, rk4, *others, work_row("uncounted", 1e-2, 1e-3, None), wild)
+    return work_of(diverged, rk4, *others, work_row("uncounted", 1e-2, 1e-3, None))
 
 
 def gap() -> WorkPrecision:
@@ -159,6 +170,19 @@ def gap() -> WorkPrecision:
     failed = work_row("gap", 1e-3, None, None, status="failed", why="it stopped.")
     tight = [work_row("gap", 1e-4, 1e-3, 1000), work_row("gap", 1e-5, 1e-4, 10000)]
     return work_of(work_row("gap", 1e-2, 1e-1, 10), failed, *tight)
+
+
+def stability() -> Explanation:
+    """Explicit Euler on modes of which two decay and two grow, one of them far out."""
+    found = explanation()
+    function = StabilityFunction(
+        *("explicit-euler", "y' = lambda y", True, True, (1.0, 1.0), None, None, None, None)
+    )
+    modes = np.array([[-0.1 + 1j, -0.1 - 1j, 0.5, 100.0]])
+    along = Spectrum(np.zeros(1), modes, np.full(1, 1e-9))
+    linear = dataclasses.replace(found.stability, function=function, along=along)
+    region = stability_region(function, linear.limits, points=5)
+    return dataclasses.replace(found, stability=linear, region=region)
 
 
 DAMPINGS, STEPS = (0.01, 0.1, 1.0), (16, 32, 64, 128)
@@ -197,6 +221,11 @@ def blown_up() -> pd.DataFrame:
     found = sweep().assign(motion_size=0.5)
     found.loc[found.index[[3, 4]], "error_max"] = [1e200, np.inf]
     return found
+
+
+def without_orders() -> pd.DataFrame:
+    found = sweep()
+    return found[found["status"] == "ok"].assign(observed_order=None, order_verdict="undetermined")
 
 
 def draws() -> pd.DataFrame:

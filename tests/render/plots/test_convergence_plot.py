@@ -1,4 +1,4 @@
-"""What no file of `test_pictures.py` shows of the convergence plot."""
+"""What no file of `test_plot_pictures.py` shows of the convergence plot."""
 
 from __future__ import annotations
 

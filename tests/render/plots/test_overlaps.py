@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from ropeode import plot_convergence
-from ropeode.render.plots.overlaps import TURNS, moved_right, side_by_side, take_turns
-from tests.render.made_up import table_of
-from tests.render.plots.legible import assert_legible
-from tests.render.plots.studies import every_reason
+from ropeode.render.plots.overlaps import moved_right, side_by_side, take_turns
 
 
 @pytest.fixture
@@ -69,26 +63,6 @@ def test_marks_that_would_hide_one_another_stand_side_by_side(axes):
     assert moved[2] < gap / 2
     point = moved_right(axes, 36.0).transform((0.1, 0.1)) - axes.transData.transform((0.1, 0.1))
     assert point == pytest.approx([axes.figure.dpi / 2, 0])
-
-
-def test_steppers_that_do_the_same_are_all_seen():
-    table = every_reason()
-
-    def twice(each):
-        return (*each, *(dataclasses.replace(one, stepper=f"{one.stepper}:b") for one in each))
-
-    both = table_of(twice(table.rows), twice(table.orders))
-    figure = plot_convergence(both)
-    assert_legible(figure)
-    (axes,) = figure.axes
-    places = [
-        tuple(np.round(line.get_transform().transform(line.get_xydata())[0], 3))
-        for line in axes.lines
-        if line.get_marker() != "None"
-    ]
-    assert len(places) == len(set(places)) == len(both.rows)
-    words = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
-    assert TURNS in words
 
 
 def test_single_points_take_no_turns(axes):

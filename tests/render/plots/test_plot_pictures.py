@@ -18,6 +18,7 @@ from ropeode import (
     plot_energies,
     plot_errors,
     plot_horizon,
+    plot_stability,
     plot_sweep,
     plot_work_precision,
 )
@@ -35,18 +36,21 @@ OVER_STEPS = ("damping", "steps_per_frame")
 # A picture, what it is a picture of, and how it is asked for.
 PICTURES = {
     "convergence": (plot_convergence, studies.every_reason),
+    "convergence-of-all-twice": (plot_convergence, studies.all_twice),
     "convergence-without-orders": (plot_convergence, lambda: studies.no_order(16)),
     "convergence-of-nothing": (plot_convergence, studies.still),
     "errors": (plot_errors, studies.errors),
     "errors-in-one-panel": (plot_errors, studies.errors_in_one_panel),
     "energies": (plot_energies, studies.energies),
     "horizon": (plot_horizon, made_up.horizon),
+    "stability": (plot_stability, studies.stability),
     "work": (plot_work_precision, studies.work, "rhs_evaluations"),
     "work-time": (plot_work_precision, studies.work, "seconds", "error_final"),
     "work-energy": (plot_work_precision, studies.work, "steps", "energy_error"),
     "work-with-a-gap": (plot_work_precision, studies.gap, "rhs_evaluations"),
     "sweep-orders": (plot_sweep, studies.sweep, *OVER_STEPS, "observed_order"),
     "sweep-errors": (plot_sweep, studies.blown_up, *OVER_STEPS, "error_max"),
+    "sweep-of-nothing": (plot_sweep, studies.without_orders, *OVER_STEPS, "observed_order"),
     "sweep-draws": (plot_sweep, studies.draws, "damping", "stiffness", "error_max"),
 }
 
@@ -67,24 +71,39 @@ def test_a_picture_is_that_of_its_file_and_legible_whatever_the_callers_settings
 
 
 def test_no_public_plot_and_no_type_of_plot_is_missing():
-    # tests/render/plots/test_stability_plot.py has the other one.
-    known = {plot.__name__ for plot, *_ in PICTURES.values()} | {"plot_stability"}
+    known = {plot.__name__ for plot, *_ in PICTURES.values()}
     assert {name for name in ropeode.__all__ if name.startswith("plot_")} == known
     (option,) = (each for each in cli.commands["plot"].params if each.name == "name")
     assert tuple(PLOTS) == tuple(option.type.choices)
 
 
-@pytest.mark.parametrize(
-    ("name", "suffix", "begins"),
-    [
-        ("convergence", ".png", b"\x89PNG"),
-        ("errors", ".pdf", b"%PDF"),
-        ("energies", ".svg", b"<?xml"),
-    ],
-)
-def test_files_are_of_their_format_and_the_same_each_time(name, suffix, begins):
-    assert suffix in FIGURES
-    first, second = (figure_bytes(drawn(name), each) for each in (suffix, suffix.upper()))
+@pytest.mark.parametrize("calls", [[7], [90, 2000]])
+def test_the_cost_axis_says_two_numbers(calls):
+    rows = [made_up.work_row("some", 1e-2 / each, 1e-3 / each, each) for each in calls]
+    figure = plot_work_precision(made_up.work_of(*rows), "rhs_evaluations")
+    figure.draw_without_rendering()
+    (axes,) = figure.axes
+    low, high = axes.get_xlim()
+    labels = axes.xaxis.get_ticklabels()
+    shown = [x for x, label in zip(axes.get_xticks(), labels, strict=True) if label.get_text()]
+    assert sum(low <= x <= high for x in shown) >= 2
+
+
+def test_a_region_of_stability_needs_one_and_steps():
+    without = made_up.explanation()
+    with pytest.raises(InputError, match="explanation: 'steps.py:heavy' given; .* Fix: "):
+        plot_stability(without)
+    with pytest.raises(InputError, match="steps_per_frame: .0. given"):
+        plot_stability(studies.stability(), [0])
+
+
+BEGINNINGS = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
+
+
+@pytest.mark.parametrize("suffix", FIGURES)
+def test_files_are_of_their_format_and_the_same_each_time(suffix):
+    begins = BEGINNINGS[suffix]
+    first, second = (figure_bytes(drawn("stability"), each) for each in (suffix, suffix.upper()))
     assert first.startswith(begins)
     assert first == second
 

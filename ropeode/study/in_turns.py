@@ -4,49 +4,50 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from typing import Generic, TypeVar
 
 from ropeode.errors import RopeodeError
 from ropeode.problems import Problem
 from ropeode.progress import Progress
-from ropeode.study.methods.method import Attempt, LadderMethod, Run
+from ropeode.study.methods import Attempt, LadderMethod, Run
 from ropeode.validation import counted
-
-T = TypeVar("T")
 
 # Shorter runs say little about longer ones.
 _TELLING_S = 0.05
 # Steps per frame of a run that shows how long a step takes; the next one has as many times more.
 _FEW = 16
 
+Errors = dict[str, float | None]
 
-@dataclasses.dataclass(frozen=True)
-class Timed(Generic[T]):
+
+@dataclasses.dataclass
+class Timed:
     """What became of a method at one effort.
 
     Arguments:
         method: that was run.
+        run: runs it.
         effort: steps per frame, or a tolerance.
         attempt: its first run, without its states.
-        measured: what was measured of these.
-        seconds: of the rounds, from short to long; none for a run that was not `ok` each time.
+        errors: of that, by name.
+        seconds: of the rounds; none for a run that was not `ok` each time.
     """
 
     method: LadderMethod
+    run: Run
     effort: float
     attempt: Attempt
-    measured: T
-    seconds: tuple[float, ...]
+    errors: Errors
+    seconds: list[float] = dataclasses.field(default_factory=list)
 
 
 def run_in_turns(
     ready: Sequence[tuple[LadderMethod, Run, Sequence[float]]],
     problem: Problem,
-    measure: Callable[[Attempt], tuple[Attempt, T]],
+    measure: Callable[[Attempt], tuple[Attempt, Errors]],
     limit: float,
     rounds: int,
     progress: Progress,
-) -> list[Timed[T]]:
+) -> list[Timed]:
     """Run each method at each effort.
 
     The first run of each is measured. Then all that went well run again, one after the other, for
@@ -71,45 +72,38 @@ def run_in_turns(
         progress(f"{method.label}: {unit}", done / whole)
         done += 1
 
-    runs: list[tuple[LadderMethod, Run, float]] = []
-    found: list[tuple[Attempt, T]] = []
+    def measured(attempt: Attempt) -> tuple[Attempt, Errors]:
+        attempt, errors = measure(attempt)
+        return dataclasses.replace(attempt, states=problem.y0[None]), errors
+
+    found: list[Timed] = []
     for method, run, efforts in ready:
-        before: list[tuple[float, Attempt]] = []
+        before: list[Timed] = []
         for effort in efforts:
             said(method, effort)
             attempt = _first_run(method, run, effort, before, problem, limit)
-            attempt, measured = measure(attempt)
-            attempt = dataclasses.replace(attempt, states=problem.y0[None])
-            before.append((effort, attempt))
-            runs.append((method, run, effort))
-            found.append((attempt, measured))
-    seconds: list[list[float]] = [[] for _ in runs]
+            before.append(Timed(method, run, effort, *measured(attempt)))
+        found += before
     for _ in range(rounds):
-        for index, (method, run, effort) in enumerate(runs):
-            said(method, effort)
-            if found[index][0].status != "ok":
+        for each in found:
+            said(each.method, each.effort)
+            if each.attempt.status != "ok":
                 continue
-            again = _tried(run, effort, float("inf"), problem)
+            again = _tried(each.run, each.effort, float("inf"), problem)
             if again.status == "ok":
-                seconds[index].append(again.seconds)
+                each.seconds.append(again.seconds)
             else:
                 why = f"when it ran again, {again.why}"
-                again = dataclasses.replace(again, why=why, states=problem.y0[None])
-                found[index] = measure(again)
-                seconds[index].clear()
-    return [
-        Timed(method, effort, attempt, measured, tuple(sorted(taken)))
-        for (method, _, effort), (attempt, measured), taken in zip(
-            runs, found, seconds, strict=True
-        )
-    ]
+                each.attempt, each.errors = measured(dataclasses.replace(again, why=why))
+                each.seconds.clear()
+    return found
 
 
 def _first_run(
     method: LadderMethod,
     run: Run,
     effort: float,
-    before: Sequence[tuple[float, Attempt]],
+    before: Sequence[Timed],
     problem: Problem,
     limit: float,
 ) -> Attempt:
@@ -135,13 +129,13 @@ def _tried(run: Run, effort: float, limit: float, problem: Problem) -> Attempt:
 def _of_steps(
     run: Run,
     effort: float,
-    before: Sequence[tuple[float, Attempt]],
+    before: Sequence[Timed],
     problem: Problem,
     limit: float,
 ) -> float:
     """The seconds that so many steps will take, from fewer."""
-    ran = [each for each in before if each[1].steps]
-    few, last = ran[-1] if ran else (_FEW, None)
+    ran = [each for each in before if each.attempt.steps]
+    few, last = (ran[-1].effort, ran[-1].attempt) if ran else (_FEW, None)
     while True:
         if last is None:
             last = _tried(run, min(few, effort), limit, problem)
@@ -157,9 +151,9 @@ def _of_steps(
         few, last = few * _FEW, None
 
 
-def _of_tolerances(before: Sequence[tuple[float, Attempt]]) -> float:
+def _of_tolerances(before: Sequence[Timed]) -> float:
     """The seconds of the next tolerance: as much more as the last one took more."""
-    ran = [attempt.seconds for _, attempt in before if attempt.status != "failed"]
+    ran = [each.attempt.seconds for each in before if each.attempt.status != "failed"]
     if not ran:
         return 0.0
     grew = ran[-1] / ran[-2] if len(ran) > 1 and ran[-2] else 1.0
