@@ -15,7 +15,6 @@ from trajectory_writing import finding, node_values, write_csv, write_runs
 
 from ropeode import grade
 from ropeode.checking import Layout, read_runs, samples_of, states_of
-from ropeode.checking.written_precision import digits_of, last_digit, single_precision
 from ropeode.problems import PROBLEMS, InextensibleRope, Rope
 from ropeode.simulation import simulate
 from ropeode.theory import stability_limit
@@ -183,21 +182,20 @@ def test_errors_that_are_half_a_step_of_time(tmp_path, small_rope, known, steppe
     assert re.search(rf"half a step (later, t \+|earlier, t -) dt/2, .*{words}", said)
 
 
-def test_pins(tmp_path, small_rope, known):
+@pytest.mark.parametrize("end", [1.0, np.nan])
+def test_pins(tmp_path, small_rope, known, end):
+    """They hold in a run that diverges, too, until it does."""
+
     def moving(problem, n):
         values = frames_of(problem, n)
-        values[2, 0, 1] += 1e-6
+        if n == STEPS[0]:
+            values[2, 0, 1] += 1e-6
+            values[3] *= end
         return values
 
     report = grade(files(tmp_path, small_rope, moving), known, diagnose=False)
-    assert finding(report, "pins").status == "fail"
-    assert "pinned node 0 is 1.0e-06 away from its place at t = 2" in finding(report, "pins").line
-
-
-def blown_up(problem, n):
-    values = frames_of(problem, n)
-    values[:, 1:] *= 1 + 1e200 * np.arange(4)[:, None, None]
-    return values
+    assert [each.check for each in report.failed] == ["pins"]
+    assert "pinned node 0 is 1.0e-06 away from its place at t = 2" in report.failed[0].line
 
 
 def single(problem, n):
@@ -210,19 +208,10 @@ def on_no_line(problem, n):
     return frames_of(problem, 256) + off * motion
 
 
-def position_form(problem, n):
-    """With steps so fine that its error grows again."""
-    return node_values(problem, simulate(problem, "stormer-verlet", n).states)
-
-
-ALL = "%.17g"
 UNDECIDED = {
-    "add runs with 96, 192 and 384 steps per frame (dt <= 0.0104)": (blown_up, STEPS, ALL, None),
-    "the numbers have 5 digits; write 17 digits": (frames_of, STEPS, "%.5g", 2),
     "are in single precision; compute in double": (single, (256, 512, 1024), "%.9g", 2),
-    "add runs with 300, 600 and 1200 steps per frame": (on_no_line, (16, 20, 150), ALL, 1),
+    "add runs with 300, 600 and 1200 steps per frame": (on_no_line, (16, 20, 150), "%.17g", 1),
     "the step sizes show no order": (frames_of, (76, 77, 78), "%.8f", 2),
-    "16, 32 and 64 steps per frame, with which": (position_form, (4096, 8192, 16384), ALL, 2),
 }
 
 
@@ -233,13 +222,6 @@ def test_what_shows_no_order_is_no_fault_of_the_stepper(tmp_path, small_rope, kn
     report = grade(made, known, expected_order=order)
     assert (report.verdict, report.exit_code) == ("undetermined", 2)
     assert words in finding(report).line
-    # With coarser runs or more digits they are right.
-    if values is position_form:
-        made += files(tmp_path, small_rope, values, (32, 64, 128))
-        assert grade(made, known, expected_order=2).passed
-    if digits == "%.5g":
-        made = files(tmp_path, small_rope, values, digits="%.9f")
-        assert grade(made, known, expected_order=2).passed
 
 
 @pytest.mark.slow
@@ -265,31 +247,11 @@ def test_a_wrong_program_that_blows_up_is_wrong(tmp_path, small_rope, known):
     assert "wrong limit of positions" in finding(report).line
 
 
-RANDOM = np.random.default_rng(2).normal(size=999) * 100
-
-
-def test_how_many_digits_there_are_and_whether_they_are_single_precision():
-    for digits, unit in (("%.6g", 5e-4), ("%.8f", 5e-9), ("%.4e", 5e-3)):
-        values = np.array([float(digits % x) for x in RANDOM])
-        assert unit <= last_digit(values) <= 1.01 * unit
-        assert not single_precision(values)
-    assert digits_of(np.array([1.25e-7, 3e20])) == (3, 9)
-    assert digits_of(RANDOM)[0] >= 16
-    assert last_digit(RANDOM) == 0.0
-    single = RANDOM.astype(np.float32)
-    assert single_precision(single.astype(np.float64))
-    assert single_precision(np.array([float(f"{x:.9g}") for x in single]))
-    assert not single_precision(RANDOM)
-    assert not single_precision(np.arange(5.0))
-
-
 def test_energy_is_noted_where_it_is_conserved(tmp_path, known):
     problem = Rope(num_nodes=4, damping=0.0).problem(frames=64)
-    # The first samples show that it is conserved; these are right to 14 digits.
-    solved = dataclasses.replace(
-        known, problem=problem, states=simulate(problem, "rk4", 1024).states
-    )
-
+    # The first samples show that it is conserved; these are right to ten digits.
+    states = simulate(problem, "rk4", 256).states
+    solved = dataclasses.replace(known, problem=problem, states=states)
     made = files(tmp_path, problem, frames_of, (12, 16, 24))
     found = finding(grade(made, solved, diagnose=False), "energy")
     assert found.status == "note"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -16,7 +17,6 @@ from ropeode.checking.trajectories.remainders import RUNS, explains
 from ropeode.checking.trajectories.run_files import Run
 from ropeode.norms import NORMS
 from ropeode.precision import in_float64
-from ropeode.problems import Problem
 from ropeode.references import Reference
 
 _ROUNDING = 1e-6
@@ -277,7 +277,7 @@ class _Shifts:
 
     def __init__(self, reference: Reference, runs: Sequence[Run]):
         self.problem, self.runs, trusted = reference.problem, runs, reference.trusted
-        self._rates, self._changes = _derivatives(self.problem, reference.states[:trusted])
+        self._rates, self._changes = _derivatives(reference)
         self._elapsed = self.problem.ts[:trusted] - self.problem.ts[0]
         self._errors = [differences(run.states, reference) for run in runs]
         self._motion = {name: moved(reference, NORMS[f"{name}-max"]) for name in runs[0].quantities}
@@ -336,9 +336,11 @@ class _Shifts:
         return falls(other) > _FASTER * max(map(falls, names))
 
 
+@functools.lru_cache(maxsize=4)
 @in_float64
-def _derivatives(problem: Problem, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The first and second derivatives of states in time, each ``(times, *state)``."""
+def _derivatives(reference: Reference) -> tuple[np.ndarray, np.ndarray]:
+    """The first and second derivatives of trusted states in time, each ``(times, *state)``."""
+    problem, states = reference.problem, reference.states[: reference.trusted]
 
     def both(t: float, y: np.ndarray) -> tuple:
         rate = problem.rhs(t, y, problem.args)
