@@ -124,7 +124,7 @@ def as_json(rows: Sequence[Row], rubric: Sequence[Item]) -> str:
 
 def _no_formula(cell: str) -> str:
     """Text of others, which a spreadsheet must not take for a formula."""
-    return f"'{cell}" if cell.startswith(("=", "+", "-", "@")) else cell
+    return f"'{cell}" if cell.startswith(("=", "+", "-", "@", "\t", "\r")) else cell
 
 
 def as_text(rows: Sequence[Row], rubric: Sequence[Item]) -> str:
