@@ -12,7 +12,17 @@ from ropeode.classroom.order_plot import order_plot
 from ropeode.classroom.outcome import Outcome
 from ropeode.classroom.rubric import Item
 from ropeode.files import make_folder, write_whole
-from ropeode.render import Block, Code, Drawing, Grid, html_part, markdown, page_frame
+from ropeode.render import (
+    Block,
+    Code,
+    Drawing,
+    Grid,
+    Heading,
+    Paragraph,
+    html_part,
+    markdown,
+    page_frame,
+)
 
 _STYLE = """\
 .book { overflow-x: auto }
@@ -92,18 +102,15 @@ def _grade_book(rows: Sequence[Row], rubric: Sequence[Item]) -> str:
         for head in HEADERS
     )
     lines = "\n".join(f"<tr>{_row_cells(row)}</tr>" for row in rows)
-    return _page(
+    return page_frame(
         "Grade book",
-        f"<p>{html.escape(summary(rows, rubric))}</p>\n"
+        f"<h1>Grade book</h1>\n<p>{html.escape(summary(rows, rubric))}</p>\n"
         f'<div class="book" tabindex="0" role="region" aria-label="Grade book"><table>\n'
         f'<thead><tr>{heads}<th scope="col">errors</th></tr>'
         f"</thead>\n<tbody>\n{lines}\n</tbody>\n</table></div>",
+        _STYLE,
         _SORT,
     )
-
-
-def _page(title: str, body: str, script: str = "") -> str:
-    return page_frame(title, f"<h1>{html.escape(title)}</h1>\n{body}", _STYLE, script)
 
 
 def _kind(head: str) -> str:
@@ -141,30 +148,34 @@ def _plot(outcome: Outcome) -> tuple[str, str]:
         return "", ""
 
 
-def _feedback_page(row: Row, rubric: Sequence[Item]) -> str:
-    outcome = row.outcome
-    points = "".join(
-        f"<tr><td>{html.escape(item.name)}</td><td class=number>{earned:g}</td>"
-        f"<td class=number>{item.points:g}</td></tr>"
+def _feedback_head(row: Row, rubric: Sequence[Item]) -> list[Block]:
+    """What stands above the report: the points, in all and for each item."""
+    total = sum(item.points for item in rubric)
+    points = [
+        [item.name, f"{earned:g}", f"{item.points:g}"]
         for item, earned in zip(rubric, row.earned, strict=True)
-    )
-    check, plot = _plot(outcome)
-    errors = f"<h2>Errors: {html.escape(check)}</h2>\n{plot}" if plot else ""
-    return _page(
-        outcome.name,
-        f"<p>{html.escape(_points_words(row, rubric))}</p>\n<table>\n<thead><tr><th>part</th>"
-        f"<th class=number>points</th><th class=number>of</th></tr></thead>\n"
-        f"<tbody>{points}</tbody>\n</table>\n{html_part(outcome.blocks, _LEVEL)}\n{errors}",
-    )
+    ]
+    return [
+        Heading(row.outcome.name),
+        Paragraph(f"{row.points:g} of {total:g} points."),
+        Grid(["part", "points", "of"], points, frozenset({0})),
+    ]
+
+
+def _feedback_page(row: Row, rubric: Sequence[Item]) -> str:
+    check, plot = _plot(row.outcome)
+    errors = [Heading(f"Errors: {check}"), Drawing(plot)] if plot else []
+    head = html_part(_feedback_head(row, rubric), 1)
+    report = html_part([*row.outcome.blocks, *errors], _LEVEL)
+    return page_frame(row.outcome.name, f"{head}\n{report}", _STYLE)
 
 
 def _feedback_text(row: Row, rubric: Sequence[Item]) -> str:
-    lines = [f"# {_inert(row.outcome.name)}", "", _points_words(row, rubric), ""]
-    lines += ["| part | points | of |", "|:---|---:|---:|"]
-    for item, earned in zip(rubric, row.earned, strict=True):
-        name = item.name.replace("|", r"\|").replace("<", "&lt;")
-        lines.append(f"| {name} | {earned:g} | {item.points:g} |")
-    return "\n".join([*lines, "", markdown([*map(_as_words, row.outcome.blocks)], _LEVEL)])
+    head, report = _feedback_head(row, rubric), row.outcome.blocks
+    return "\n".join(
+        markdown([*map(_as_words, blocks)], level)
+        for blocks, level in ((head, 1), (report, _LEVEL))
+    )
 
 
 def _as_words(block: Block) -> Block:
@@ -183,8 +194,3 @@ def _inert(text: str) -> str:
 
 def _links_apart(text: str) -> str:
     return text.replace("](", r"]\(").replace("]:", r"]\:")
-
-
-def _points_words(row: Row, rubric: Sequence[Item]) -> str:
-    total = sum(item.points for item in rubric)
-    return f"{row.points:g} of {total:g} points."

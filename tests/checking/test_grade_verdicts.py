@@ -22,9 +22,12 @@ from ropeode.theory import stability_limit
 STEPS, UNEVEN = (16, 24, 32, 48), (16.4, 24.4, 32.4, 48.4)
 
 
-def verlet(x, v, dt, steps, number=np.float64, c=0.01):
-    """Velocity Verlet for `small_rope`, in NumPy; shares nothing with the package."""
-    k, length = number(100.0), number(400.0 / 3.0)
+def program(problem, ends, number=np.float64):
+    """Every state of velocity Verlet for `small_rope` in NumPy, with steps that end at these times.
+
+    It shares nothing with the package.
+    """
+    k, length, c = number(100.0), number(400.0 / 3.0), number(problem.args.damping[0])
 
     def accelerations(x):
         d = np.diff(x, axis=0)
@@ -37,24 +40,20 @@ def verlet(x, v, dt, steps, number=np.float64, c=0.01):
         a[0] = 0
         return a
 
-    a, dt, c = accelerations(x), number(dt), number(c)
-    for _ in range(steps):
+    x, v = np.split(number(node_values(problem, problem.y0[None])[0]), 2, axis=1)
+    samples, a = [np.hstack([x, v])], accelerations(x)
+    for dt in number(np.diff(ends)):
         v = v + number(0.5) * dt * (a - c * v)
         x = x + dt * v
         a = accelerations(x)
         v = (v + number(0.5) * dt * a) / (1 + number(0.5) * dt * c)
-    return x, v
+        samples.append(np.hstack([x, v]))
+    return np.array(samples)
 
 
 def after(problem, n, counts, number=np.float64):
     """What a program prints that has made so many steps of 1/n at the samples."""
-    x, v = np.split(number(node_values(problem, problem.y0[None])[0]), 2, axis=1)
-    samples, done = [np.hstack([x, v])], 0
-    for count in counts:
-        x, v = verlet(x, v, 1 / n, count - done, number, problem.args.damping[0])
-        samples.append(np.hstack([x, v]))
-        done = count
-    return np.array(samples)
+    return program(problem, np.arange(counts[-1] + 1) / n, number)[[0, *counts]]
 
 
 def frames_of(problem, n, number=np.float64):
@@ -62,15 +61,9 @@ def frames_of(problem, n, number=np.float64):
     return after(problem, n, n * np.arange(1, problem.frames + 1), number)
 
 
-def files(folder, problem, values_of, steps=STEPS, times=None, **how):
+def files(folder, problem, values_of, steps=STEPS, **how):
     return [
-        write_csv(
-            folder / f"{n}.csv",
-            problem.ts if times is None else times(n),
-            values_of(problem, n),
-            1 / n,
-            **how,
-        )
+        write_csv(folder / f"{n}.csv", problem.ts, values_of(problem, n), 1 / n, **how)
         for n in steps
     ]
 
@@ -90,16 +83,9 @@ def test_an_independent_verlet_is_right(tmp_path, small_rope, known):
 
 def every_step(problem, n):
     """Times and samples of every step, the last in a frame shorter."""
-    x, v = np.split(node_values(problem, problem.y0[None])[0], 2, axis=1)
-    times, samples = [0.0], [np.hstack([x, v])]
-    for frame in range(problem.frames):
-        whole = math.ceil(n) - 1
-        for i in range(whole + 1):
-            end = frame + 1.0 if i == whole else frame + (i + 1) / n
-            x, v = verlet(x, v, end - times[-1], 1)
-            times.append(end)
-            samples.append(np.hstack([x, v]))
-    return np.array(times), np.array(samples)
+    frame = np.append(np.arange(1, math.ceil(n)) / n, 1.0)
+    times = np.concatenate([[0.0], *(k + frame for k in range(problem.frames))])
+    return times, program(problem, times)
 
 
 @pytest.mark.parametrize("examples", [5, pytest.param(30, marks=pytest.mark.slow)])
@@ -115,14 +101,11 @@ def test_a_right_program_is_not_rejected(tmp_path, small_rope, known, examples):
         columns=st.sampled_from([4, 2]),
     )
     def passes_or_is_undecided(steps, part, digits, columns):
-        made = files(
-            tmp_path,
-            small_rope,
-            lambda problem, n: run(n)[1][:, :, :columns],
-            [n + part for n in steps],
-            times=lambda n: run(n)[0],
-            digits=digits,
-        )
+        made = []
+        for n in (n + part for n in steps):
+            times, values = run(n)
+            path, written = tmp_path / f"{n}.csv", values[:, :, :columns]
+            made.append(write_csv(path, times, written, 1 / n, digits=digits))
         report = grade(made, known, expected_order=2)
         assert report.verdict != "wrong", report.failed[0].line
         assert not any("does not divide" in note for note in report.notes)
@@ -275,15 +258,16 @@ def test_frames_of_unequal_length(tmp_path, small_rope):
     """The samples are picked out of every step, or are all that is written."""
     problem = dataclasses.replace(small_rope, ts=np.array([0.0, 0.5, 1.5, 1.75]))
 
-    def all_steps(problem, n):
-        return after(problem, n, range(1, round(1.75 * n) + 1))
+    def every(n):
+        return np.arange(round(1.75 * n) + 1) / n
 
-    def samples(problem, n):
+    def samples(n):
         return after(problem, n, np.round(n * problem.ts[1:]).astype(int))
 
-    for values, times in (
-        (all_steps, lambda n: np.arange(round(1.75 * n) + 1) / n),
-        (samples, lambda n: problem.ts),
+    for times, values in (
+        (every, lambda n: program(problem, every(n))),
+        (lambda n: problem.ts, samples),
     ):
-        for run in read_runs(files(tmp_path, problem, values, times=times), problem):
-            assert np.array_equal(run.values, samples(problem, round(1 / run.dt)))
+        made = [write_csv(tmp_path / f"{n}.csv", times(n), values(n), 1 / n) for n in STEPS]
+        for run in read_runs(made, problem):
+            assert np.array_equal(run.values, samples(round(1 / run.dt)))
