@@ -10,15 +10,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ropeode.analysis import distances, moved, resolution
-from ropeode.checking.trajectories.arrangement import Arrangement, arrangements
-from ropeode.checking.trajectories.arrangement_words import Mistake, mistakes_in
-from ropeode.checking.trajectories.clocks import Clock, Extent, extent_of
+from ropeode.checking.trajectories.arrangement import (
+    Arrangement,
+    Mistake,
+    arrangements,
+    mistakes_in,
+)
+from ropeode.checking.trajectories.clocks import Clock, Extent, extent_of, likely_clocks
 from ropeode.checking.trajectories.convergence import order_finding
 from ropeode.checking.trajectories.initial_states import begins_right, check_initial_states
 from ropeode.checking.trajectories.layout import Block
-from ropeode.checking.trajectories.likely_clocks import likely_clocks
-from ropeode.checking.trajectories.remainders import RUNS, explains
 from ropeode.checking.trajectories.run_files import Run, finite, opened_files, read_runs
+from ropeode.checking.trajectories.time_errors import RUNS, explains
 from ropeode.errors import InputError
 from ropeode.norms import NORMS
 from ropeode.problems import Problem

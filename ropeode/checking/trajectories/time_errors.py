@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import operator
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -13,12 +14,17 @@ import numpy as np
 from ropeode.analysis import differences, moved
 from ropeode.checking.report import Diagnosis
 from ropeode.checking.trajectories.initial_states import begins_right
-from ropeode.checking.trajectories.remainders import RUNS, explains
 from ropeode.checking.trajectories.run_files import Run
 from ropeode.norms import NORMS
 from ropeode.precision import in_float64
 from ropeode.references import Reference
 
+# A mistake explains errors if at most these parts of them remain in the finest run and in the next.
+_REMAINDERS = (0.05, 0.2)
+# Or if this part remains in the finest run, and falls over so many runs with a power of dt between
+# these: the mistake explains the leading term, and the next one or two orders remain.
+_LARGEST, _LEAST_POWER, _LARGEST_POWER = 0.25, 0.75, 2.5
+RUNS = 3
 _ROUNDING = 1e-6
 # If only one quantity is late, the errors of the others are smaller by this factor, as parts of the
 # motion, or fall faster with dt by that one.
@@ -57,23 +63,38 @@ _WELL_KNOWN_ALONE: dict[float | None, tuple[str, str]] = {
 }
 
 
+def explains(parts: Sequence[float], dts: Sequence[float]) -> bool:
+    """Whether so little remains that a mistake without free parameters explains the errors.
+
+    Arguments:
+        parts: of the errors that remain in each run, from the finest on; `RUNS` are enough.
+        dts: their step sizes.
+    """
+    if len(parts) >= len(_REMAINDERS) and all(map(operator.le, parts, _REMAINDERS)):
+        return True
+    if len(parts) < RUNS or parts[0] > _LARGEST or min(parts) <= 0.0:
+        return False
+    powers = np.diff(np.log(parts)) / np.diff(np.log(dts))
+    return bool(np.all((powers >= _LEAST_POWER) & (powers <= _LARGEST_POWER)))
+
+
 class Delay(NamedTuple):
     """A mistake by which samples are late; none of them has a parameter to fit.
 
     Fields:
         cause: a keyword.
         words: describe it to its author; `{these}` stands for the quantities that are late.
-        fix: how to mend it; empty if the words say it.
         steps: by how many steps each sample is late, from the time since the start in steps, and
             the number of the frame.
+        fix: how to mend it; empty if the words say it.
         constant: if each sample is late alike, by how many steps.
         alone: whether one quantity may be late, and the others in time.
     """
 
     cause: str
     words: str
-    fix: str
     steps: Callable[[np.ndarray, np.ndarray], np.ndarray]
+    fix: str = ""
     constant: float | None = None
     alone: bool = False
 
@@ -101,108 +122,70 @@ def _last_step(steps: np.ndarray) -> np.ndarray:
     return np.where(rest > 0.0, rest, 1.0)
 
 
-def _always(steps: float) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-    return lambda ends, _: np.full(len(ends), steps)
-
-
+# What a program makes in place of the right number of steps.
+_COUNTS = {
+    "one step too few in each frame": lambda _, n: -1.0 * n,
+    "one step too many in each frame": lambda _, n: 1.0 * n,
+    "one step too few in the first frame": lambda _, n: -1.0 * np.minimum(n, 1),
+    "one step too many in the first frame": lambda _, n: 1.0 * np.minimum(n, 1),
+}
+# What dt does not divide, and what happens then.
+_LAST_STEPS = {
+    "a frame, the program skips the last partial step": (
+        lambda ends, _: -_in_each_frame(ends, _part)
+    ),
+    "a frame, its last step goes beyond the end of the frame": (
+        lambda ends, _: _in_each_frame(ends, _missing)
+    ),
+    "a sample time, the sample is taken from the step before it": lambda ends, _: -_part(ends),
+    "a sample time, the sample is taken from the step after it": lambda ends, _: _missing(ends),
+    "a frame, the program makes the nearest whole number of steps": (
+        lambda ends, _: _in_each_frame(ends, lambda steps: np.rint(steps) - steps)
+    ),
+    "a sample time, the sample is taken from the nearest step": (
+        lambda ends, _: np.rint(ends) - ends
+    ),
+}
+_BOTH = "write positions and velocities of the time of the row"
+# By how many steps all samples are late, whose state they are, and how to mend it.
+_ALWAYS = (
+    (
+        1.0,
+        "one step later: the first row is the state after the first step",
+        "write the initial state first, and each row before the next step",
+    ),
+    (-1.0, "one step earlier", "write them after the last step before their time"),
+    (0.5, "half a step later, t + dt/2", _BOTH),
+    (-0.5, "half a step earlier, t - dt/2", _BOTH),
+)
 _DELAYS = (
-    Delay(
-        "step-count", "the program makes one step too few in each frame", "", lambda _, n: -1.0 * n
-    ),
-    Delay(
-        "step-count", "the program makes one step too many in each frame", "", lambda _, n: 1.0 * n
-    ),
-    Delay(
-        "step-count",
-        "the program makes one step too few in the first frame",
-        "",
-        lambda _, n: -1.0 * np.minimum(n, 1),
-    ),
-    Delay(
-        "step-count",
-        "the program makes one step too many in the first frame",
-        "",
-        lambda _, n: 1.0 * np.minimum(n, 1),
-    ),
-    Delay(
-        "last-step",
-        "if dt does not divide a frame, the program skips the last partial step",
-        "",
-        lambda ends, _: -_in_each_frame(ends, _part),
-    ),
-    Delay(
-        "last-step",
-        "if dt does not divide a frame, its last step goes beyond the end of the frame",
-        "",
-        lambda ends, _: _in_each_frame(ends, _missing),
-    ),
-    Delay(
-        "last-step",
-        "if dt does not divide a sample time, the sample is taken from the step before it",
-        "",
-        lambda ends, _: -_part(ends),
-    ),
-    Delay(
-        "last-step",
-        "if dt does not divide a sample time, the sample is taken from the step after it",
-        "",
-        lambda ends, _: _missing(ends),
-    ),
-    Delay(
-        "last-step",
-        "if dt does not divide a frame, the program makes the nearest whole number of steps",
-        "",
-        lambda ends, _: _in_each_frame(ends, lambda steps: np.rint(steps) - steps),
-    ),
-    Delay(
-        "last-step",
-        "if dt does not divide a sample time, the sample is taken from the nearest step",
-        "",
-        lambda ends, _: np.rint(ends) - ends,
+    *(Delay("step-count", f"the program makes {words}", steps) for words, steps in _COUNTS.items()),
+    *(
+        Delay("last-step", f"if dt does not divide {words}", steps)
+        for words, steps in _LAST_STEPS.items()
     ),
     Delay(
         "sample-time",
         "the first row is the state after the first step, and the others are of their time",
-        "write the initial state before the first step",
         lambda _, n: 1.0 * (n == 0),
+        "write the initial state before the first step",
     ),
-    Delay(
-        "sample-time",
-        "{these} are those of one step later: the first row is the state after the first step",
-        "write the initial state first, and each row before the next step",
-        _always(1.0),
-        1.0,
-        alone=True,
-    ),
-    Delay(
-        "sample-time",
-        "{these} are those of one step earlier",
-        "write them after the last step before their time",
-        _always(-1.0),
-        -1.0,
-        alone=True,
-    ),
-    Delay(
-        "sample-time",
-        "{these} are those of half a step later, t + dt/2",
-        "write positions and velocities of the time of the row",
-        _always(0.5),
-        0.5,
-        alone=True,
-    ),
-    Delay(
-        "sample-time",
-        "{these} are those of half a step earlier, t - dt/2",
-        "write positions and velocities of the time of the row",
-        _always(-0.5),
-        -0.5,
-        alone=True,
+    *(
+        Delay(
+            "sample-time",
+            f"{{these}} are those of {words}",
+            lambda ends, _, late=late: np.full(len(ends), late),
+            fix,
+            late,
+            alone=True,
+        )
+        for late, words, fix in _ALWAYS
     ),
     Delay(
         "sample-time",
         "{these} are those before the last step of each frame",
-        "write them after it",
         lambda ends, _: -_last_step(np.diff(ends, prepend=0.0)),
+        "write them after it",
         alone=True,
     ),
 )
