@@ -25,7 +25,7 @@ from ropeode.checking.trajectories.explanations import (
 from ropeode.checking.trajectories.more_runs import more_runs
 from ropeode.checking.trajectories.other_ropes import other_rope
 from ropeode.checking.trajectories.run_files import FEWEST, Run, finite, names_of
-from ropeode.checking.trajectories.time_errors import LateSamples, late_samples
+from ropeode.checking.trajectories.time_errors import late_samples
 from ropeode.problems import Problem
 from ropeode.progress import Progress, bar, shows_progress
 from ropeode.references import Reference, ReferenceOptions, problem_of, reference_for
@@ -128,7 +128,7 @@ def grade(
             diagnosis = _diagnosed(reference, known, files, dts, order, late, other)
         elif late is not None and _is_unintended(late, order):
             # No claim is refuted, but such a program is hardly intended.
-            notes = (*notes, "; ".join(filter(None, (late.words, late.fix))))
+            notes = (*notes, "; ".join(filter(None, (late.line, late.remedy))))
     progress("done", 1.0)
     return CheckReport(
         label=names_of(runs),
@@ -156,7 +156,7 @@ def _order(
         late = late_samples(reference, known)
         # Half a step may be the error of a method of order 1.
         if late is not None and late.cause != "sample-time":
-            return Finding("order", "fail", f"no order; {late.words}", late.diagnosis.evidence), ()
+            return Finding("order", "fail", f"no order; {late.line}", late.evidence), ()
         columns = explain_columns(reference, known, coarse=False)
         if columns is not None and not columns.like_another_problem:
             return Finding("order", "fail", f"no order; {columns.words}"), ()
@@ -167,11 +167,11 @@ def _order(
     return order_finding(reference, runs, expected, advice)
 
 
-def _is_unintended(late: LateSamples, order: Finding) -> bool:
+def _is_unintended(late: Diagnosis, order: Finding) -> bool:
     """Whether late samples lower the order: a method of order 1 may have such errors anyway."""
     orders = {} if order.convergence is None else order.convergence.orders
-    others = [each.observed for name, each in orders.items() if name not in late.quantities]
-    return late.quantities != ("position",) and all(
+    others = [each.observed for name, each in orders.items() if name not in late.evidence["late"]]
+    return late.evidence["late"] != ["position"] and all(
         observed is not None and observed > _MORE_THAN_FIRST for observed in others
     )
 
@@ -182,12 +182,12 @@ def _diagnosed(
     files: Sequence[str | Path],
     dts: ArrayLike | None,
     order: Finding,
-    late: LateSamples | None,
+    late: Diagnosis | None,
     other: Callable[[], Diagnosis | None],
 ) -> tuple[Diagnosis, ...]:
     """What is wrong with the files, or what they solve instead of the problem."""
     if late is not None:
-        return (late.diagnosis,)
+        return (late,)
     problem = reference.problem
     written = explain_columns(reference, runs) or explain_times(
         lambda: reference, problem, files, dts, FEWEST, runs
@@ -214,9 +214,9 @@ def _of_files(written: Explanation) -> Diagnosis:
     evidence = {"read_so": written.agreement}
     line, remedy = written.line, written.fix
     if (late := late_samples(written.reference, written.runs)) is not None:
-        line += f". Moreover, {late.diagnosis.line}"
-        remedy = "; ".join(filter(None, (remedy, late.diagnosis.remedy)))
-        evidence |= late.diagnosis.evidence
+        line += f". Moreover, {late.line}"
+        remedy = "; ".join(filter(None, (remedy, late.remedy)))
+        evidence |= late.evidence
     return Diagnosis(written.cause, line, evidence, remedy)
 
 

@@ -95,4 +95,4 @@ def _why(
     if explanation is not None:
         return explanation.line, explanation.fix
     late = late_samples(reference, runs)
-    return explain_start(runs) if late is None else (late.words, late.fix)
+    return explain_start(runs) if late is None else (late.line, late.remedy)

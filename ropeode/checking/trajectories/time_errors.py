@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import operator
 from collections.abc import Callable, Sequence
@@ -191,32 +190,7 @@ _DELAYS = (
 )
 
 
-@dataclasses.dataclass(frozen=True)
-class LateSamples:
-    """Samples of another time than their own.
-
-    Arguments:
-        cause: a keyword.
-        words: what is late, with the evidence.
-        fix: how to mend it; empty if the words say it.
-        quantities: which are late.
-        left_over: the part of the errors of the finest run that it leaves unexplained.
-    """
-
-    cause: str
-    words: str
-    fix: str
-    quantities: tuple[str, ...]
-    left_over: float
-
-    @property
-    def diagnosis(self) -> Diagnosis:
-        """The same as a diagnosis."""
-        evidence = {"left_over": self.left_over, "late": [*self.quantities]}
-        return Diagnosis(self.cause, self.words, evidence, self.fix)
-
-
-def late_samples(reference: Reference, runs: Sequence[Run]) -> LateSamples | None:
+def late_samples(reference: Reference, runs: Sequence[Run]) -> Diagnosis | None:
     """Samples of another time that explain the errors: a wrong number of steps, or half a step.
 
     The solution at those times is compared with the two finest runs that it concerns.
@@ -224,14 +198,18 @@ def late_samples(reference: Reference, runs: Sequence[Run]) -> LateSamples | Non
     Arguments:
         reference: of the problem.
         runs: from coarse to fine; their first samples may be late, too.
+
+    Returns:
+        What is late, with the evidence: which quantities, and the part of the errors of the
+        finest run that is left over.
     """
     shifts, quantities = _Shifts(reference, runs), runs[0].quantities
-    best: LateSamples | None = None
+    best: Diagnosis | None = None
     for delay in _DELAYS:
         for names in _late_together(delay, quantities):
             found = shifts.left_over(delay, names)
             # Of delays that are the same here, the first one counts.
-            if found is None or (best is not None and found[0] >= _LESS * best.left_over):
+            if found is None or (best and found[0] >= _LESS * best.evidence["left_over"]):
                 continue
             left, dt = found
             these = _PLURAL[names[0]] if len(names) == 1 else "samples"
@@ -245,7 +223,7 @@ def late_samples(reference: Reference, runs: Sequence[Run]) -> LateSamples | Non
             words += (
                 f"; this explains {100.0 * (1.0 - left):.3g}% of {whose} errors at dt = {dt:.4g}"
             )
-            best = LateSamples(delay.cause, words, fix, names, left)
+            best = Diagnosis(delay.cause, words, {"left_over": left, "late": [*names]}, fix)
     return best
 
 
