@@ -7,10 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from urllib.parse import quote
 
-from ropeode.classroom.gradebook import HEADERS, Row, as_csv, as_json, summary
+from ropeode.classroom.gradebook import HEADERS, GradeBook, Row
 from ropeode.classroom.order_plot import order_plot
 from ropeode.classroom.outcome import Outcome
-from ropeode.classroom.rubric import Item
 from ropeode.files import make_folder, write_whole
 from ropeode.render import (
     Block,
@@ -19,6 +18,7 @@ from ropeode.render import (
     Grid,
     Heading,
     Paragraph,
+    formatted,
     html_part,
     markdown,
     page_frame,
@@ -76,35 +76,34 @@ _LEVEL = 2
 _NUMBERS, _LONG = ("order", "points"), ("message", "marks")
 
 
-def write_pages(rows: Sequence[Row], rubric: Sequence[Item], folder: Path) -> None:
+def write_pages(book: GradeBook, folder: Path) -> None:
     """Write the grade book and the feedback.
 
     Arguments:
-        rows: of the grade book.
-        rubric: by which points were given.
+        book: of a class.
         folder: that gets the grade book as `gradebook.csv`, `gradebook.json` and `gradebook.html`,
             and a folder `feedback` with a page for each submission, in HTML and Markdown.
     """
     feedback = folder / "feedback"
     make_folder(feedback)
-    for row in rows:
-        name = row.outcome.name
-        write_whole(feedback / f"{name}.html", _feedback_page(row, rubric))
-        write_whole(feedback / f"{name}.md", _feedback_text(row, rubric))
-    write_whole(folder / "gradebook.csv", as_csv(rows))
-    write_whole(folder / "gradebook.json", as_json(rows, rubric))
-    write_whole(folder / "gradebook.html", _grade_book(rows, rubric))
+    for row in book.rows:
+        name, head = row.outcome.name, _feedback_head(row, book)
+        write_whole(feedback / f"{name}.html", _feedback_page(row, head))
+        write_whole(feedback / f"{name}.md", _feedback_text(row, head))
+    for form in ("csv", "json"):
+        write_whole(folder / f"gradebook.{form}", formatted(book, form))
+    write_whole(folder / "gradebook.html", _page(book))
 
 
-def _grade_book(rows: Sequence[Row], rubric: Sequence[Item]) -> str:
+def _page(book: GradeBook) -> str:
     heads = "".join(
         f'<th scope="col"{_kind(head)}><button type="button">{head}</button></th>'
         for head in HEADERS
     )
-    lines = "\n".join(f"<tr>{_row_cells(row)}</tr>" for row in rows)
+    lines = "\n".join(f"<tr>{_row_cells(row)}</tr>" for row in book.rows)
     return page_frame(
         "Grade book",
-        f"<h1>Grade book</h1>\n<p>{html.escape(summary(rows, rubric))}</p>\n"
+        f"<h1>Grade book</h1>\n<p>{html.escape(book.summary)}</p>\n"
         f'<div class="book" tabindex="0" role="region" aria-label="Grade book"><table>\n'
         f'<thead><tr>{heads}<th scope="col">errors</th></tr>'
         f"</thead>\n<tbody>\n{lines}\n</tbody>\n</table></div>",
@@ -148,34 +147,29 @@ def _plot(outcome: Outcome) -> tuple[str, str]:
         return "", ""
 
 
-def _feedback_head(row: Row, rubric: Sequence[Item]) -> list[Block]:
+def _feedback_head(row: Row, book: GradeBook) -> list[Block]:
     """What stands above the report: the points, in all and for each item."""
-    total = sum(item.points for item in rubric)
     points = [
         [item.name, f"{earned:g}", f"{item.points:g}"]
-        for item, earned in zip(rubric, row.earned, strict=True)
+        for item, earned in zip(book.rubric, row.earned, strict=True)
     ]
     return [
         Heading(row.outcome.name),
-        Paragraph(f"{row.points:g} of {total:g} points."),
+        Paragraph(f"{row.points:g} of {book.total:g} points."),
         Grid(["part", "points", "of"], points, frozenset({0})),
     ]
 
 
-def _feedback_page(row: Row, rubric: Sequence[Item]) -> str:
+def _feedback_page(row: Row, head: Sequence[Block]) -> str:
     check, plot = _plot(row.outcome)
     errors = [Heading(f"Errors: {check}"), Drawing(plot)] if plot else []
-    head = html_part(_feedback_head(row, rubric), 1)
     report = html_part([*row.outcome.blocks, *errors], _LEVEL)
-    return page_frame(row.outcome.name, f"{head}\n{report}", _STYLE)
+    return page_frame(row.outcome.name, f"{html_part(head, 1)}\n{report}", _STYLE)
 
 
-def _feedback_text(row: Row, rubric: Sequence[Item]) -> str:
-    head, report = _feedback_head(row, rubric), row.outcome.blocks
-    return "\n".join(
-        markdown([*map(_as_words, blocks)], level)
-        for blocks, level in ((head, 1), (report, _LEVEL))
-    )
+def _feedback_text(row: Row, head: Sequence[Block]) -> str:
+    parts = ((head, 1), (row.outcome.blocks, _LEVEL))
+    return "\n".join(markdown([*map(_as_words, blocks)], level) for blocks, level in parts)
 
 
 def _as_words(block: Block) -> Block:

@@ -17,21 +17,19 @@ from ropeode.classroom import (
     Item,
     Outcome,
     Submission,
-    as_csv,
     as_text,
-    exit_code,
     grade_book,
     parts,
     write_pages,
 )
-from ropeode.render import Code, Grid, Heading, Paragraph
+from ropeode.render import Code, Grid, Heading, Paragraph, formatted
 from tests.golden import check_golden
 
 RUBRIC = (Item("runs", 2.0), Item("pins | <b>", 3.0, ("pins",)))
 RIGHT = Outcome("anna", "checked", "right", 1.98, findings={"pins": "pass"}, behaviour="one")
 
 
-def rows_of(*outcomes):
+def book_of(*outcomes):
     submissions = [Submission(each.name, (f"{each.name}.py",), "", "") for each in outcomes]
     return grade_book(submissions, outcomes, RUBRIC)
 
@@ -43,13 +41,13 @@ def other(name, **changes):
 def test_points_and_marks():
     wrong = other("bert", verdict="wrong", findings={"pins": "fail"}, behaviour="two")
     crashed = other("dora", status="crashed", verdict="wrong", behaviour="")
-    rows = rows_of(RIGHT, wrong, other("carla"), crashed, other("emil", behaviour=""))
+    rows = book_of(RIGHT, wrong, other("carla"), crashed, other("emil", behaviour="")).rows
     assert [row.points for row in rows] == [5.0, 2.0, 5.0, 0.0, 5.0]
     # Of two whose behaviour is not known, nobody can say that they behave alike.
     assert [row.marks for row in rows] == [("same as carla",), (), ("same as anna",), (), ()]
     # Of many, some are named.
-    assert rows_of(*map(other, "abcdefgh"))[0].marks == ("same as b, c, d, e, f and 2 more",)
-    assert rows_of(*map(other, "abcdef"))[5].marks == ("same as a, b, c, d, e",)
+    assert book_of(*map(other, "abcdefgh")).rows[0].marks == ("same as b, c, d, e, f and 2 more",)
+    assert book_of(*map(other, "abcdef")).rows[5].marks == ("same as a, b, c, d, e",)
 
 
 @pytest.mark.parametrize(
@@ -58,13 +56,13 @@ def test_points_and_marks():
 )
 def test_the_exit_code(verdicts, code):
     outcomes = [other(str(i), verdict=each) for i, each in enumerate(verdicts.split(" "))]
-    assert exit_code(rows_of(*outcomes)) == code
+    assert book_of(*outcomes).exit_code == code
 
 
 @pytest.mark.parametrize("first", "=+-@\t\r")
 def test_no_text_of_others_is_a_formula(first):
     formula = other(f"{first}1+1", order=-0.25, message=f'{first}a "b", c')
-    *_, row = csv.reader(io.StringIO(as_csv(rows_of(RIGHT, formula)), newline=""))
+    *_, row = csv.reader(io.StringIO(formatted(book_of(RIGHT, formula), "csv"), newline=""))
     assert not {row[0][0], row[5][0]} & {*"=+-@\t\r"}
     assert row[0].endswith("1+1")
     assert row[5].endswith('a "b", c')
@@ -102,23 +100,23 @@ CLASS = (
 
 
 def test_its_forms_are_those_of_the_files(tmp_path):
-    rows = rows_of(*CLASS)
-    write_pages(rows, RUBRIC, tmp_path)
+    book = book_of(*CLASS)
+    write_pages(book, tmp_path)
     for end in ("csv", "json", "html"):
         check_golden(f"gradebook.{end}", (tmp_path / f"gradebook.{end}").read_text())
     for end in ("html", "md"):
         check_golden(f"gradebook-feedback.{end}", (tmp_path / f"feedback/bert.{end}").read_text())
-    text = as_text(rows, RUBRIC)
+    text = as_text(book)
     check_golden("gradebook.txt", text)
     assert max(map(len, text.partition("\n\n")[0].splitlines())) == 80
     # Every key is documented.
     page = (Path(__file__).parents[2] / "docs/howto/classroom.md").read_text()
-    book = json.loads((tmp_path / "gradebook.json").read_text())
-    assert all(f"`{word}`" in page for word in (*book, *book["submissions"][0], book["schema"]))
+    form = json.loads((tmp_path / "gradebook.json").read_text())
+    assert all(f"`{word}`" in page for word in (*form, *form["submissions"][0], form["schema"]))
 
 
 def test_errors_of_the_expected_order_lie_on_its_line(tmp_path):
-    write_pages(rows_of(CLASS[0]), RUBRIC, tmp_path)
+    write_pages(book_of(CLASS[0]), tmp_path)
     page = (tmp_path / "feedback/anna.html").read_text()
     (line,) = re.findall("<line [^>]*stroke-dasharray[^>]*>", page)
     (points,) = re.findall(r'points="([^"]*)"', page)
@@ -135,7 +133,7 @@ def test_pages_show_what_others_wrote_as_text(tmp_path):
     # What a submission's process says may be anything.
     orders = {bad: {"dt": [1.0, text], "expected": bad, "quantities": {text: {"errors": bad}}}}
     changes = {"message": text, "report": report, "orders": orders, "verdict": '"><script>'}
-    write_pages(rows_of(other(name, **changes)), RUBRIC, tmp_path)
+    write_pages(book_of(other(name, **changes)), tmp_path)
     book = (tmp_path / "gradebook.html").read_text()
     assert "<script>alert" not in book
     assert "<b>" not in book

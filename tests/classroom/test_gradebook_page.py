@@ -26,7 +26,7 @@ def book(tmp_path):
     ]
     submissions = [Submission(each.name, (), "", "") for each in outcomes]
     rubric = (Item("runs", 2.0), Item("order", 8.0, ("order",)))
-    write_pages(grade_book(submissions, outcomes, rubric), rubric, tmp_path)
+    write_pages(grade_book(submissions, outcomes, rubric), tmp_path)
     return tmp_path
 
 
