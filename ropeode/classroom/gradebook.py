@@ -11,7 +11,7 @@ from ropeode.classroom.outcome import Outcome
 from ropeode.classroom.rubric import Item
 from ropeode.classroom.submissions import Submission, printable
 from ropeode.json_form import json_shows
-from ropeode.render import TEXT_WIDTH, columns
+from ropeode.render import TEXT_WIDTH, Paragraph, columns, plain
 from ropeode.render import rows as rows_of
 from ropeode.validation import counted
 
@@ -168,7 +168,7 @@ def as_text(book: GradeBook) -> str:
     for line, row in zip(lines[1:], book.rows, strict=True):
         words = "; ".join(filter(None, (*row.marks, row.message)))
         whole.append(f"{line:{start}}{_cut(words, TEXT_WIDTH - start)}".rstrip())
-    return "\n".join([*whole, "", book.summary, ""])
+    return "\n".join([*whole, "", plain([Paragraph(book.summary)])])
 
 
 def _cut(text: str, longest: int) -> str:
