@@ -176,7 +176,8 @@ def _holding(states: np.ndarray, runs: Sequence[Run], quantity: str, after: int)
     for each in held:
         fitted = _fitted(
             each,
-            [Sample(run.dt, values) for run, values in zip(runs, files, strict=True)],
+            [run.dt for run in runs],
+            files,
             problem.quantity(str(each.source), states),
             moves=each.source == problem.quantities[0],
             exact=not after,
@@ -186,16 +187,10 @@ def _holding(states: np.ndarray, runs: Sequence[Run], quantity: str, after: int)
             yield fitted
 
 
-class Sample(NamedTuple):
-    """The columns of one quantity, ``(times, nodes, dim)``, of a run with the step size dt."""
-
-    dt: float
-    values: np.ndarray
-
-
 def _fitted(
     held: Held,
-    files: Sequence[Sample],
+    dts: Sequence[float],
+    files: Sequence[np.ndarray],
     source: np.ndarray,
     *,
     moves: bool,
@@ -206,24 +201,23 @@ def _fitted(
 
     Arguments:
         held: the source and its order.
-        files: from coarse to fine.
+        dts: the step sizes of the runs, from coarse to fine.
+        files: the columns of one quantity, ``(times, nodes, dim)``, of each run.
         source: its right values.
         moves: whether the source has an origin that may be moved.
         exact: whether the first sample is that of the initial state.
         scale: of positions, for their rounding.
     """
     ordered = dataclasses.replace(held, signs=(1,) * len(held.axes)).applied(source, 1.0)
-    found = [_fit(each.values, ordered, moves, exact) for each in files]
+    found = [_fit(each, ordered, moves, exact) for each in files]
     fits = [fit for fit in found if fit is not None]
     if len(fits) < len(files):
         return None
-    values, dt = files[-1].values, files[-1].dt
+    values, dt = files[-1], dts[-1]
     size = float(np.max(np.abs(values)))
     room = _ROUNDINGS * epsilon(values) * max(size, scale if moves else 0.0)
     room += 2.0 * last_digit(values)
-    power, factor = _factor(
-        [each.dt for each in files], [fit.factor for fit in fits], room / size, fits[-1].exact
-    )
+    power, factor = _factor(dts, [fit.factor for fit in fits], room / size, fits[-1].exact)
     held = dataclasses.replace(held, signs=fits[-1].signs, factor=factor, power=power)
     if moves and exact:
         off = np.mean(values[0] - held.applied(source[:1], dt)[0], axis=0)
