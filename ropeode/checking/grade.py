@@ -19,12 +19,12 @@ from ropeode.checking.trajectories.checked_runs import checked_runs
 from ropeode.checking.trajectories.convergence import order_finding
 from ropeode.checking.trajectories.explanations import (
     Explanation,
+    explain,
     explain_columns,
-    explain_times,
 )
 from ropeode.checking.trajectories.more_runs import more_runs
 from ropeode.checking.trajectories.other_ropes import other_rope
-from ropeode.checking.trajectories.run_files import FEWEST, Run, finite, names_of
+from ropeode.checking.trajectories.run_files import FEWEST, Files, Run, finite, names_of
 from ropeode.checking.trajectories.time_errors import late_samples
 from ropeode.problems import Problem
 from ropeode.progress import Progress, bar, shows_progress
@@ -132,7 +132,7 @@ def grade(
         progress("diagnosis", 0.95)
         late = late_samples(reference, known)
         if wrong:
-            diagnosis = _diagnosed(reference, known, files, dts, order, late, other)
+            diagnosis = _diagnosed(reference, known, Files(files, own, dts), order, late, other)
         elif late is not None and _is_unintended(late, order):
             # No claim is refuted, but such a program is hardly intended.
             notes = (*notes, "; ".join(filter(None, (late.line, late.remedy))))
@@ -237,8 +237,7 @@ def _is_unintended(late: Diagnosis, order: Finding) -> bool:
 def _diagnosed(
     reference: Reference,
     runs: Sequence[Run],
-    files: Sequence[str | Path],
-    dts: ArrayLike | None,
+    files: Files,
     order: Finding,
     late: Diagnosis | None,
     other: Callable[[], Diagnosis | None],
@@ -246,10 +245,7 @@ def _diagnosed(
     """What is wrong with the files, or what they solve instead of the problem."""
     if late is not None:
         return (late,)
-    problem = reference.problem
-    written = explain_columns(reference, runs) or explain_times(
-        lambda: reference, problem, files, dts, FEWEST, runs
-    )
+    written = explain(reference, runs, files)
     if written is not None and not written.like_another_problem:
         return (_of_files(written),)
     if (rope := other()) is not None:

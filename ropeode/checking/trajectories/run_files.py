@@ -8,7 +8,7 @@ import itertools
 import re
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -113,6 +113,22 @@ class Run:
         """Whether the interval between samples is not a multiple of dt."""
         steps = self.interval / self.dt
         return abs(steps - np.rint(steps)) > _SAME * steps
+
+
+class Files(NamedTuple):
+    """Files of one program, as `read_runs` has them.
+
+    Fields:
+        paths: one for each step size.
+        problem: the problem that they should solve.
+        dts: step size of each; None if the files contain them, or their names the steps per frame.
+        fewest: the smallest number of files.
+    """
+
+    paths: Sequence[str | Path]
+    problem: Problem
+    dts: Any = None
+    fewest: int = FEWEST
 
 
 def finite(runs: Sequence[Run]) -> tuple[Run, ...]:
