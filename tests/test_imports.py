@@ -65,7 +65,6 @@ LEAVES: dict[str, str] = {
     "ropeode.checking.energy_drift": "what drifts and what stays bounded, on made-up curves",
     "ropeode.checking.richardson": "limits of runs for dt = 0, of series that are known",
     "ropeode.checking.trajectories.coarse_steps": "the order of errors with made-up round-off",
-    "ropeode.checking.trajectories.steps_in_names": "which number of file names counts steps",
     "ropeode.checking.written_precision": "with how many digits numbers were written",
     "ropeode.laboratory.messages": "what the page and Python say to each other",
     "ropeode.laboratory.scenes": "lessons and figures, as data",

@@ -13,19 +13,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ropeode.checking.claims import checked_claims
+from ropeode.checking.energy_drift import at_rest, measure_drift
 from ropeode.checking.report import CheckReport, Claims, Diagnosis, Finding, exactly
 from ropeode.checking.trajectories.checked_runs import checked_runs
-from ropeode.checking.trajectories.conservation import energy_finding, pins_finding
 from ropeode.checking.trajectories.convergence import order_finding
 from ropeode.checking.trajectories.explanations import (
     Explanation,
+    explain,
     explain_columns,
-    explain_times,
 )
 from ropeode.checking.trajectories.more_runs import more_runs
 from ropeode.checking.trajectories.other_ropes import other_rope
-from ropeode.checking.trajectories.run_files import FEWEST, Run, finite, names_of
-from ropeode.checking.trajectories.time_errors import LateSamples, late_samples
+from ropeode.checking.trajectories.run_files import FEWEST, Files, Run, finite, names_of
+from ropeode.checking.trajectories.time_errors import late_samples
 from ropeode.problems import Problem
 from ropeode.progress import Progress, bar, shows_progress
 from ropeode.references import Reference, ReferenceOptions, problem_of, reference_for
@@ -37,6 +37,13 @@ from ropeode.study import problem_class
 GRADE_CHECKS = ("initial-state", "order", "pins", "energy")
 # An observed order that is not 1.
 _MORE_THAN_FIRST = 1.5
+# A pinned node may move by so many units of rounding of the problem's size.
+_PIN_ROUNDINGS = 500.0
+# A problem conserves energy if a certified solution loses less than this part of the exchanged
+# energy.
+_CONSERVED = 1e-6
+# Fewer samples do not distinguish a drift from an oscillation.
+_MANY_SAMPLES = 64
 
 
 @shows_progress
@@ -120,8 +127,8 @@ def grade(
     findings = (
         Finding("initial-state", "pass", f"the first sample is the initial state {exactly(off)}"),
         order,
-        pins_finding(reference, runs),
-        energy_finding(reference, runs),
+        _pins_finding(reference, runs),
+        _energy_finding(reference, runs),
     )
     diagnosis: tuple[Diagnosis, ...] = ()
     wrong = order.status == "fail"
@@ -131,10 +138,11 @@ def grade(
         progress("diagnosis", 0.95)
         late = late_samples(reference, known)
         if wrong:
-            diagnosis = _diagnosed(reference, known, files, dts, order, late, other, program)
+            found = Files(files, own, dts)
+            diagnosis = _diagnosed(reference, known, found, order, late, other, program)
         elif late is not None and _is_unintended(late, order):
             # No claim is refuted, but such a program is hardly intended.
-            notes = (*notes, "; ".join(filter(None, (late.words, late.fix))))
+            notes = (*notes, "; ".join(filter(None, (late.line, late.remedy))))
     progress("done", 1.0)
     return CheckReport(
         label=names_of(runs),
@@ -170,7 +178,7 @@ def _order(
         late = late_samples(reference, known)
         # Half a step may be the error of a method of order 1.
         if late is not None and late.cause != "sample-time":
-            return Finding("order", "fail", f"no order; {late.words}", late.diagnosis.evidence), ()
+            return Finding("order", "fail", f"no order; {late.line}", late.evidence), ()
         columns = explain_columns(reference, known, coarse=False)
         if columns is not None and not columns.like_another_problem:
             return Finding("order", "fail", f"no order; {columns.words}"), ()
@@ -190,11 +198,62 @@ def _program(reference: Reference, runs: Sequence[Run]) -> Diagnosis | None:
     return diagnose_program(reference.problem, states, reference.states)
 
 
-def _is_unintended(late: LateSamples, order: Finding) -> bool:
+def _pins_finding(reference: Reference, runs: Sequence[Run]) -> Finding:
+    """Whether pinned nodes stay in place."""
+    problem, dim = reference.problem, runs[0].layout.dim
+    free = getattr(problem.args, "free", None)
+    if free is None or np.all(free):
+        return Finding("pins", "skip", "no node is pinned")
+    pinned = np.flatnonzero(np.asarray(free) == 0.0)
+    worst, line = 0.0, ""
+    for run in runs:
+        places = run.values[: run.reached, pinned, :dim]
+        moved = np.max(np.abs(places - places[0]), axis=2)
+        largest = float(np.max(moved))
+        if largest > max(worst, _PIN_ROUNDINGS * run.epsilon * problem.scale):
+            sample, node = np.unravel_index(np.argmax(moved), moved.shape)
+            line = (
+                f"pinned node {pinned[node]} is {largest:.1e} away from its place at t = "
+                f"{problem.ts[sample]:g} (dt = {run.dt:g})"
+            )
+        worst = max(worst, largest)
+    if line:
+        return Finding("pins", "fail", line, {"moved": worst})
+    return Finding("pins", "pass", f"pinned nodes stay in place {exactly(worst)}", {"moved": worst})
+
+
+def _energy_finding(reference: Reference, runs: Sequence[Run]) -> Finding:
+    """How the energy behaves at the largest and smallest steps, if the problem conserves it."""
+    problem = reference.problem
+    if problem.energy is None or problem.mechanics is None:
+        return Finding("energy", "skip", "the problem has no energy")
+    if runs[0].quantities != problem.quantities:
+        return Finding("energy", "skip", "the files have no velocities")
+    states = reference.states[: reference.trusted]
+    energies = problem.energies(states)
+    exchanged = float(np.ptp(energies - problem.energies(at_rest(states))))
+    if exchanged == 0.0 or np.ptp(energies) > _CONSERVED * exchanged:
+        return Finding("energy", "skip", "the problem does not conserve its energy")
+    if len(problem.ts) < _MANY_SAMPLES:
+        return Finding(
+            "energy",
+            "skip",
+            f"needs {_MANY_SAMPLES} samples to distinguish a drift from an oscillation",
+        )
+    lines, evidence = [], {}
+    with np.errstate(all="ignore"):
+        for run in (runs[0], runs[-1]):
+            drift = measure_drift(problem, run.states)
+            lines.append(f"dt {run.dt:g}: {drift.line}")
+            evidence[f"{run.dt:g}"] = {"verdict": drift.verdict, **drift.evidence}
+    return Finding("energy", "note", "; ".join(lines), evidence)
+
+
+def _is_unintended(late: Diagnosis, order: Finding) -> bool:
     """Whether late samples lower the order: a method of order 1 may have such errors anyway."""
     orders = {} if order.convergence is None else order.convergence.orders
-    others = [each.observed for name, each in orders.items() if name not in late.quantities]
-    return late.quantities != ("position",) and all(
+    others = [each.observed for name, each in orders.items() if name not in late.evidence["late"]]
+    return late.evidence["late"] != ["position"] and all(
         observed is not None and observed > _MORE_THAN_FIRST for observed in others
     )
 
@@ -202,20 +261,16 @@ def _is_unintended(late: LateSamples, order: Finding) -> bool:
 def _diagnosed(
     reference: Reference,
     runs: Sequence[Run],
-    files: Sequence[str | Path],
-    dts: ArrayLike | None,
+    files: Files,
     order: Finding,
-    late: LateSamples | None,
+    late: Diagnosis | None,
     other: Callable[[], Diagnosis | None],
     program: Callable[[], Diagnosis | None],
 ) -> tuple[Diagnosis, ...]:
     """What is wrong with the files, or what they solve instead of the problem."""
     if late is not None:
-        return (late.diagnosis,)
-    problem = reference.problem
-    written = explain_columns(reference, runs) or explain_times(
-        lambda: reference, problem, files, dts, FEWEST, runs
-    )
+        return (late,)
+    written = explain(reference, runs, files)
     if written is not None and not written.like_another_problem:
         return (_of_files(written),)
     if (rope := other()) is not None:
@@ -240,9 +295,9 @@ def _of_files(written: Explanation) -> Diagnosis:
     evidence = {"read_so": written.agreement}
     line, remedy = written.line, written.fix
     if (late := late_samples(written.reference, written.runs)) is not None:
-        line += f". Moreover, {late.diagnosis.line}"
-        remedy = "; ".join(filter(None, (remedy, late.diagnosis.remedy)))
-        evidence |= late.diagnosis.evidence
+        line += f". Moreover, {late.line}"
+        remedy = "; ".join(filter(None, (remedy, late.remedy)))
+        evidence |= late.evidence
     return Diagnosis(written.cause, line, evidence, remedy)
 
 

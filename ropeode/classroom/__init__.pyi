@@ -2,10 +2,7 @@ from .asked import Asked as Asked
 from .command import check_class as check_class
 from .command import grade_class as grade_class
 from .examination import examined as examined
-from .gradebook import as_csv as as_csv
-from .gradebook import as_json as as_json
 from .gradebook import as_text as as_text
-from .gradebook import exit_code as exit_code
 from .gradebook import grade_book as grade_book
 from .outcome import Outcome as Outcome
 from .outcome import parts as parts

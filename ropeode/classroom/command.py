@@ -16,7 +16,7 @@ from ropeode.checking import (
     convergence_problems,
     reference_of,
 )
-from ropeode.classroom.gradebook import as_csv, as_json, as_text, exit_code, grade_book, summary
+from ropeode.classroom.gradebook import as_text, grade_book
 from ropeode.classroom.pages import write_pages
 from ropeode.classroom.rubric import OF_FILES, OF_STEPPERS, Item, read_rubric
 from ropeode.classroom.running import Class
@@ -26,17 +26,14 @@ from ropeode.classroom.trajectories import Trajectories
 from ropeode.files import refuse_code
 from ropeode.progress import Progress
 from ropeode.references import TIME_LIMIT, ReferenceOptions, reference_for
+from ropeode.render import formatted
 from ropeode.steppers import as_stepper
 from ropeode.study import TableJob
 from ropeode.terminal import NOTHING, end_on_ctrl_c, not_interrupted, put_out, with_progress
 from ropeode.validation import bad_value
 
 _KEPT = "finished submissions are kept; run the same command to resume"
-_FORMS = {
-    "text": as_text,
-    "csv": lambda rows, _: as_csv(rows),
-    "json": as_json,
-}
+_FORMS = ("text", "csv", "json")
 
 
 def check_class(
@@ -153,11 +150,11 @@ def _put_book(own: Class, items: Sequence[Item], form: str, out: Path | None) ->
     """Examine what is left, and print or write the grade book."""
     end_on_ctrl_c(NOTHING if out is None else _KEPT, before=own.end)
     outcomes = with_progress(own.outcomes, time_left=True)
-    rows = grade_book(own.submissions, outcomes, items)
+    book = grade_book(own.submissions, outcomes, items)
     if out is None:
-        put_out(_FORMS[form](rows, items), None)
+        put_out(as_text(book) if form == "text" else formatted(book, form), None)
     else:
         with not_interrupted():
-            write_pages(rows, items, out)
-        click.echo(f"{summary(rows, items)} See {out / 'gradebook.html'}.", err=True)
-    return exit_code(rows)
+            write_pages(book, out)
+        click.echo(f"{book.summary} See {out / 'gradebook.html'}.", err=True)
+    return book.exit_code

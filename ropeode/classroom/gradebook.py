@@ -2,31 +2,37 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import json
+import dataclasses
 from collections import defaultdict
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import ClassVar
 
 from ropeode.classroom.outcome import Outcome
 from ropeode.classroom.rubric import Item
 from ropeode.classroom.submissions import Submission, printable
-from ropeode.render import TEXT_WIDTH, columns
+from ropeode.json_form import json_shows
+from ropeode.render import TEXT_WIDTH, Paragraph, columns, plain
+from ropeode.render import rows as rows_of
 from ropeode.validation import counted
 
 HEADERS = ("submission", "status", "verdict", "order", "points", "message", "marks")
-SCHEMA = "ropeode.gradebook/1"
+# Those with words of others.
+_OF_OTHERS = {"submission", "message", "marks"}
 _EXIT = {"right": 0, "wrong": 1}
 _LONGEST_NAME = 24
 # Of those that behave alike.
 _MOST_NAMES = 5
 
 
-class Row(NamedTuple):
+@json_shows(
+    *("submission=outcome.name", "status=outcome.status", "verdict", "order=outcome.order"),
+    *("points", "earned=shares", "message", "marks"),
+)
+@dataclasses.dataclass(frozen=True)
+class Row:
     """One submission in the grade book.
 
-    Fields:
+    Arguments:
         outcome: what became of it.
         earned: the points for each item of the rubric.
         marks: what a reader should know, such as that another one behaves alike.
@@ -42,25 +48,77 @@ class Row(NamedTuple):
         return round(sum(self.earned), 2)
 
     @property
+    def shares(self) -> tuple[float, ...]:
+        """The points for each item, as they are shown."""
+        return tuple(round(each, 2) for each in self.earned)
+
+    @property
+    def verdict(self) -> str | None:
+        """Of the outcome; None where there is none."""
+        return self.outcome.verdict or None
+
+    @property
+    def message(self) -> str:
+        """What is wrong, in one line that can be printed."""
+        return printable(self.outcome.message)
+
+    @property
     def cells(self) -> tuple[str, ...]:
         """As text, in the order of `HEADERS`."""
         outcome = self.outcome
         order = "" if outcome.order is None else f"{outcome.order:.2f}"
-        return (
-            outcome.name,
-            outcome.status,
-            outcome.verdict,
-            order,
-            f"{self.points:g}",
-            printable(outcome.message),
-            "; ".join(self.marks),
-        )
+        points, marks = f"{self.points:g}", "; ".join(self.marks)
+        verdict = outcome.verdict
+        return (outcome.name, outcome.status, verdict, order, points, self.message, marks)
+
+
+@json_shows("items", "submissions=rows")
+@dataclasses.dataclass(frozen=True)
+class GradeBook:
+    """The grade book of a class; JSON has the points for each item of the rubric, too.
+
+    Arguments:
+        rows: in the order of the submissions.
+        rubric: by which points were given.
+    """
+
+    SCHEMA: ClassVar[str] = "ropeode.gradebook/1"
+
+    rows: tuple[Row, ...]
+    rubric: tuple[Item, ...]
+
+    @property
+    def items(self) -> list[dict[str, str | float]]:
+        """The lines of the rubric."""
+        return [{"name": item.name, "points": item.points} for item in self.rubric]
+
+    @property
+    def exit_code(self) -> int:
+        """0 if all are right, 1 if some are wrong, 2 if some have no verdict."""
+        return max(_EXIT.get(row.outcome.verdict, 2) for row in self.rows)
+
+    @property
+    def total(self) -> float:
+        """The points that the rubric gives."""
+        return sum(item.points for item in self.rubric)
+
+    @property
+    def summary(self) -> str:
+        """How many of them are what, in one line."""
+        verdicts = [row.outcome.verdict for row in self.rows]
+        parts = [
+            f"{verdicts.count(verdict)} {verdict or 'without a verdict'}"
+            for verdict in ("right", "wrong", "undetermined", "")
+            if verdict in verdicts
+        ]
+        submissions = counted(len(self.rows), "submission")
+        return f"{submissions}: {', '.join(parts)}. Points are out of {self.total:g}."
 
 
 def grade_book(
     submissions: Sequence[Submission], outcomes: Sequence[Outcome], rubric: Sequence[Item]
-) -> list[Row]:
-    """The rows, in the order of the submissions.
+) -> GradeBook:
+    """The grade book, in the order of the submissions.
 
     What was not checked to the end has no points.
     """
@@ -75,7 +133,7 @@ def grade_book(
         others = [each for each in alike[outcome.behaviour] if each != outcome.name]
         same = (f"same as {_named(others)}",) if outcome.behaviour and others else ()
         rows.append(Row(outcome, earned, (*same, *submission.marks)))
-    return rows
+    return GradeBook(tuple(rows), tuple(rubric))
 
 
 def _named(names: Sequence[str]) -> str:
@@ -83,78 +141,34 @@ def _named(names: Sequence[str]) -> str:
     return f"{shown} and {more} more" if (more := len(names) - _MOST_NAMES) > 0 else shown
 
 
-def exit_code(rows: Sequence[Row]) -> int:
-    """0 if all are right, 1 if some are wrong, 2 if some have no verdict."""
-    return max(_EXIT.get(row.outcome.verdict, 2) for row in rows)
-
-
-def as_csv(rows: Sequence[Row]) -> str:
-    """The grade book for a spreadsheet."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(HEADERS)
-    for row in rows:
-        name, status, verdict, order, points, *texts = row.cells
-        numbers = (status, verdict, order, points)
-        writer.writerow([_no_formula(name), *numbers, *map(_no_formula, texts)])
-    return text.getvalue()
-
-
-def as_json(rows: Sequence[Row], rubric: Sequence[Item]) -> str:
-    """The grade book for programs, with the points for each item of the rubric."""
-    book = {
-        "schema": SCHEMA,
-        "items": [{"name": item.name, "points": item.points} for item in rubric],
-        "submissions": [
-            {
-                "submission": row.outcome.name,
-                "status": row.outcome.status,
-                "verdict": row.outcome.verdict or None,
-                "order": row.outcome.order,
-                "points": row.points,
-                "earned": [round(each, 2) for each in row.earned],
-                "message": printable(row.outcome.message),
-                "marks": list(row.marks),
-            }
-            for row in rows
-        ],
-    }
-    return json.dumps(book, indent=2, ensure_ascii=False) + "\n"
+@rows_of.register
+def _(book: GradeBook) -> list[dict[str, str]]:
+    """As text, for a spreadsheet."""
+    return [
+        {
+            head: _no_formula(cell) if head in _OF_OTHERS else cell
+            for head, cell in zip(HEADERS, row.cells, strict=True)
+        }
+        for row in book.rows
+    ]
 
 
 def _no_formula(cell: str) -> str:
     """Text of others, which a spreadsheet must not take for a formula."""
-    return f"'{cell}" if cell.startswith(("=", "+", "-", "@")) else cell
+    return f"'{cell}" if cell.startswith(("=", "+", "-", "@", "\t", "\r")) else cell
 
 
-def as_text(rows: Sequence[Row], rubric: Sequence[Item]) -> str:
+def as_text(book: GradeBook) -> str:
     """The grade book for a terminal of 80 columns; messages end where the line does."""
     heads = [*HEADERS[:5], "message"]
-    cells = [[_cut(row.cells[0], _LONGEST_NAME), *row.cells[1:5], ""] for row in rows]
+    cells = [[_cut(row.cells[0], _LONGEST_NAME), *row.cells[1:5], ""] for row in book.rows]
     lines = columns([heads, *cells], left={0, 1, 2, 5})
     start = lines[0].rindex("message")
     whole = [lines[0]]
-    for line, row in zip(lines[1:], rows, strict=True):
-        words = "; ".join(filter(None, (*row.marks, row.cells[5])))
+    for line, row in zip(lines[1:], book.rows, strict=True):
+        words = "; ".join(filter(None, (*row.marks, row.message)))
         whole.append(f"{line:{start}}{_cut(words, TEXT_WIDTH - start)}".rstrip())
-    return "\n".join([*whole, "", summary(rows, rubric), ""])
-
-
-def summary(rows: Sequence[Row], rubric: Sequence[Item]) -> str:
-    """How many of them are what, in one line."""
-    verdicts = [row.outcome.verdict for row in rows]
-    parts = [
-        f"{verdicts.count(verdict)} {words}"
-        for verdict, words in (
-            ("right", "right"),
-            ("wrong", "wrong"),
-            ("undetermined", "undetermined"),
-            ("", "without a verdict"),
-        )
-        if verdict in verdicts
-    ]
-    total = sum(item.points for item in rubric)
-    return f"{counted(len(rows), 'submission')}: {', '.join(parts)}. Points are out of {total:g}."
+    return "\n".join([*whole, "", plain([Paragraph(book.summary)])])
 
 
 def _cut(text: str, longest: int) -> str:

@@ -7,12 +7,22 @@ from collections.abc import Sequence
 from pathlib import Path
 from urllib.parse import quote
 
-from ropeode.classroom.gradebook import HEADERS, Row, as_csv, as_json, summary
+from ropeode.classroom.gradebook import HEADERS, GradeBook, Row
 from ropeode.classroom.order_plot import order_plot
 from ropeode.classroom.outcome import Outcome
-from ropeode.classroom.rubric import Item
 from ropeode.files import make_folder, write_whole
-from ropeode.render import Block, Code, Drawing, Grid, html_part, markdown, page_frame
+from ropeode.render import (
+    Block,
+    Code,
+    Drawing,
+    Grid,
+    Heading,
+    Paragraph,
+    formatted,
+    html_part,
+    markdown,
+    page_frame,
+)
 
 _STYLE = """\
 .book { overflow-x: auto }
@@ -66,44 +76,40 @@ _LEVEL = 2
 _NUMBERS, _LONG = ("order", "points"), ("message", "marks")
 
 
-def write_pages(rows: Sequence[Row], rubric: Sequence[Item], folder: Path) -> None:
+def write_pages(book: GradeBook, folder: Path) -> None:
     """Write the grade book and the feedback.
 
     Arguments:
-        rows: of the grade book.
-        rubric: by which points were given.
+        book: of a class.
         folder: that gets the grade book as `gradebook.csv`, `gradebook.json` and `gradebook.html`,
             and a folder `feedback` with a page for each submission, in HTML and Markdown.
     """
     feedback = folder / "feedback"
     make_folder(feedback)
-    for row in rows:
-        name = row.outcome.name
-        write_whole(feedback / f"{name}.html", _feedback_page(row, rubric))
-        write_whole(feedback / f"{name}.md", _feedback_text(row, rubric))
-    write_whole(folder / "gradebook.csv", as_csv(rows))
-    write_whole(folder / "gradebook.json", as_json(rows, rubric))
-    write_whole(folder / "gradebook.html", _grade_book(rows, rubric))
+    for row in book.rows:
+        name, head = row.outcome.name, _feedback_head(row, book)
+        write_whole(feedback / f"{name}.html", _feedback_page(row, head))
+        write_whole(feedback / f"{name}.md", _feedback_text(row, head))
+    for form in ("csv", "json"):
+        write_whole(folder / f"gradebook.{form}", formatted(book, form))
+    write_whole(folder / "gradebook.html", _page(book))
 
 
-def _grade_book(rows: Sequence[Row], rubric: Sequence[Item]) -> str:
+def _page(book: GradeBook) -> str:
     heads = "".join(
         f'<th scope="col"{_kind(head)}><button type="button">{head}</button></th>'
         for head in HEADERS
     )
-    lines = "\n".join(f"<tr>{_row_cells(row)}</tr>" for row in rows)
-    return _page(
+    lines = "\n".join(f"<tr>{_row_cells(row)}</tr>" for row in book.rows)
+    return page_frame(
         "Grade book",
-        f"<p>{html.escape(summary(rows, rubric))}</p>\n"
+        f"<h1>Grade book</h1>\n<p>{html.escape(book.summary)}</p>\n"
         f'<div class="book" tabindex="0" role="region" aria-label="Grade book"><table>\n'
         f'<thead><tr>{heads}<th scope="col">errors</th></tr>'
         f"</thead>\n<tbody>\n{lines}\n</tbody>\n</table></div>",
+        _STYLE,
         _SORT,
     )
-
-
-def _page(title: str, body: str, script: str = "") -> str:
-    return page_frame(title, f"<h1>{html.escape(title)}</h1>\n{body}", _STYLE, script)
 
 
 def _kind(head: str) -> str:
@@ -141,30 +147,29 @@ def _plot(outcome: Outcome) -> tuple[str, str]:
         return "", ""
 
 
-def _feedback_page(row: Row, rubric: Sequence[Item]) -> str:
-    outcome = row.outcome
-    points = "".join(
-        f"<tr><td>{html.escape(item.name)}</td><td class=number>{earned:g}</td>"
-        f"<td class=number>{item.points:g}</td></tr>"
-        for item, earned in zip(rubric, row.earned, strict=True)
-    )
-    check, plot = _plot(outcome)
-    errors = f"<h2>Errors: {html.escape(check)}</h2>\n{plot}" if plot else ""
-    return _page(
-        outcome.name,
-        f"<p>{html.escape(_points_words(row, rubric))}</p>\n<table>\n<thead><tr><th>part</th>"
-        f"<th class=number>points</th><th class=number>of</th></tr></thead>\n"
-        f"<tbody>{points}</tbody>\n</table>\n{html_part(outcome.blocks, _LEVEL)}\n{errors}",
-    )
+def _feedback_head(row: Row, book: GradeBook) -> list[Block]:
+    """What stands above the report: the points, in all and for each item."""
+    points = [
+        [item.name, f"{earned:g}", f"{item.points:g}"]
+        for item, earned in zip(book.rubric, row.earned, strict=True)
+    ]
+    return [
+        Heading(row.outcome.name),
+        Paragraph(f"{row.points:g} of {book.total:g} points."),
+        Grid(["part", "points", "of"], points, frozenset({0})),
+    ]
 
 
-def _feedback_text(row: Row, rubric: Sequence[Item]) -> str:
-    lines = [f"# {_inert(row.outcome.name)}", "", _points_words(row, rubric), ""]
-    lines += ["| part | points | of |", "|:---|---:|---:|"]
-    for item, earned in zip(rubric, row.earned, strict=True):
-        name = item.name.replace("|", r"\|").replace("<", "&lt;")
-        lines.append(f"| {name} | {earned:g} | {item.points:g} |")
-    return "\n".join([*lines, "", markdown([*map(_as_words, row.outcome.blocks)], _LEVEL)])
+def _feedback_page(row: Row, head: Sequence[Block]) -> str:
+    check, plot = _plot(row.outcome)
+    errors = [Heading(f"Errors: {check}"), Drawing(plot)] if plot else []
+    report = html_part([*row.outcome.blocks, *errors], _LEVEL)
+    return page_frame(row.outcome.name, f"{html_part(head, 1)}\n{report}", _STYLE)
+
+
+def _feedback_text(row: Row, head: Sequence[Block]) -> str:
+    parts = ((head, 1), (row.outcome.blocks, _LEVEL))
+    return "\n".join(markdown([*map(_as_words, blocks)], level) for blocks, level in parts)
 
 
 def _as_words(block: Block) -> Block:
@@ -183,8 +188,3 @@ def _inert(text: str) -> str:
 
 def _links_apart(text: str) -> str:
     return text.replace("](", r"]\(").replace("]:", r"]\:")
-
-
-def _points_words(row: Row, rubric: Sequence[Item]) -> str:
-    total = sum(item.points for item in rubric)
-    return f"{row.points:g} of {total:g} points."

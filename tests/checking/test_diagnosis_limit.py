@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ropeode.checking.richardson import limit_of
-from ropeode.checking.written_precision import rounding_of
+from ropeode.checking.written_precision import digits_of, rounding_of, single_precision
 
 DTS = [0.1 / 2**k for k in range(6)]
 NOISE = np.random.default_rng(3)
@@ -32,25 +32,21 @@ def test_the_limit_is_right_to_its_uncertainty(order, dts):
         assert limit.uncertainty[-1] < finest
 
 
-@pytest.mark.parametrize(
-    ("run", "rounding"),
-    [
-        # The error of order 1 is small beside that of order 2 at all these steps.
-        (lambda dt: TRUTH + 1e-3 * dt + dt**2, 0.0),
-        (lambda dt: series(dt, 1) + 1e-7 * NOISE.uniform(-1.0, 1.0, TRUTH.shape), 1e-7),
-    ],
-)
+# The error of order 1 is small beside that of order 2 at all steps; or rounding covers the end.
+HIDDEN = [
+    (lambda dt: TRUTH + 1e-3 * dt + dt**2, 0.0),
+    (lambda dt: series(dt, 1) + 1e-7 * NOISE.uniform(-1.0, 1.0, TRUTH.shape), 1e-7),
+    (lambda dt: TRUTH, 0.0),
+]
+
+
+@pytest.mark.parametrize(("run", "rounding"), HIDDEN)
 def test_what_only_looks_like_an_order_ends_up_in_the_uncertainty(run, rounding):
     limit = limit_of(DTS, [run(dt) for dt in DTS], rounding)
     assert limit is not None
     assert np.all(np.max(np.abs(limit.values - TRUTH), axis=1) <= limit.uncertainty)
-
-
-def test_runs_that_do_not_depend_on_dt_are_their_own_limit():
-    limit = limit_of(DTS, [TRUTH for _ in DTS])
-    assert limit is not None
-    assert limit.order is None
-    assert np.array_equal(limit.values, TRUTH)
+    # Runs that do not depend on dt have no order.
+    assert (limit.order is None) == np.array_equal(run(0.1), TRUTH)
 
 
 @pytest.mark.parametrize(
@@ -71,12 +67,23 @@ def test_what_has_no_limit_with_a_whole_order_has_none(run):
 
 
 @pytest.mark.parametrize(
-    ("text", "rounding"),
-    [("{:.6g}", 5e-6), ("{:.4f}", 5e-5), ("{:.3e}", 5e-4), ("{!r}", 0.0)],
+    ("text", "digits", "rounding"),
+    [("%.6g", 6, 5e-6), ("%.4f", 5, 5e-5), ("%.3e", 4, 5e-4), ("%r", 16, 0.0)],
 )
-def test_the_digits_of_printed_numbers_are_seen(text, rounding):
+def test_the_digits_of_printed_numbers_are_seen(text, digits, rounding):
     values = np.random.default_rng(1).uniform(-9.9, 9.9, 120)
-    printed = np.array([float(text.format(float(value))) for value in values])
-    error = rounding_of(printed)
-    assert error == pytest.approx(rounding, rel=1e-6)
-    assert np.max(np.abs(printed - values)) <= error * (1 + 1e-9)
+    printed = np.array([float(text % float(value)) for value in values])
+    assert digits_of(printed)[0] >= digits
+    assert rounding_of(printed) == pytest.approx(rounding, rel=1e-6)
+    assert np.max(np.abs(printed - values)) <= rounding * (1 + 1e-9)
+    assert not single_precision(printed)
+
+
+def test_single_precision_shows_in_all_digits_and_in_nine():
+    values = NOISE.normal(size=999) * 100
+    single = values.astype(np.float32)
+    for each in (single.astype(np.float64), np.array([float(f"{x:.9g}") for x in single])):
+        assert single_precision(each)
+        assert np.max(np.abs(each - values)) <= rounding_of(each)
+    assert not single_precision(np.arange(5.0))
+    assert digits_of(np.array([1.25e-7, 3e20])) == (3, 9)

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from trajectory_writing import WRITERS, csv_lines, finding, node_values, write_runs
+from trajectory_writing import WRITERS, finding, node_values, write_csv, write_runs
 
 from ropeode import grade
 from ropeode.checking import read_runs
@@ -78,57 +78,48 @@ def test_wrong_arrays(tmp_path, small_rope, suffix, words):
     assert words in complaint_of(made, small_rope)
 
 
-@pytest.mark.parametrize(
-    ("changed", "words"),
-    [
+def test_what_numpy_can_store_and_nobody_wants(tmp_path, small_rope):
+    usual = {"t": np.arange(4.0), "positions": np.zeros((4, 4, 2)), "dt": 1}
+    for changed, words in (
         ({"positions": np.array([[None]])}, "positions: 'objects' given"),
         ({"positions": np.zeros((2, 4, 4)).T}, "Fortran order"),
         ({"positions": np.zeros((4, 4, 2), dtype=complex)}, "complex128"),
-        ({"positions": None}, "add the array 'positions'"),
         ({"t": np.array(3.0)}, "t: () given"),
         ({"dt": np.zeros(3)}, "dt: "),
-    ],
-)
-def test_what_numpy_can_store_and_nobody_wants(tmp_path, small_rope, changed, words):
-    arrays = {"t": np.arange(4.0), "positions": np.zeros((4, 4, 2)), "dt": 1, **changed}
-    np.savez(tmp_path / "odd.npz", **{k: array for k, array in arrays.items() if array is not None})
-    assert words in complaint_of([tmp_path / "odd.npz"] * 3, small_rope)
-
-
-def test_files_that_are_none(tmp_path, small_rope):
-    (tmp_path / "a.mat").touch()
-    mat = tmp_path / "a.mat"
-    for files, words in (
-        ([mat] * 3, "ends in .csv, .npz, .nc"),
-        ([mat, mat], "files: 2 given; allowed: at least 3"),
-        # A mistake in the name of a folder, or of one of few files.
-        (["class"], "file: 'class' given"),
-        (["a.csv", mat], "file: 'a.csv' given"),
-        ("a.csv", "put it into a list"),
     ):
-        assert words in complaint_of(files, small_rope), words
+        np.savez(tmp_path / "odd.npz", **{**usual, **changed})
+        assert words in complaint_of([tmp_path / "odd.npz"] * 3, small_rope)
+    np.savez(tmp_path / "odd.npz", t=usual["t"])
+    assert "add the array 'positions'" in complaint_of([tmp_path / "odd.npz"] * 3, small_rope)
 
 
-def test_step_sizes_and_velocities_of_some_files(tmp_path, small_rope, known):
-    made = write_runs(tmp_path, small_rope, "velocity-verlet", STEPS, ".csv")
-    dim = write_runs(tmp_path, small_rope, "velocity-verlet", (20,), ".csv", velocities=False)
-    without, long = tmp_path / "without.csv", tmp_path / "long.csv"
-    for path, dt in ((without, None), (long, 1.5)):
-        path.write_text("\n".join([*csv_lines(small_rope.ts, np.zeros((4, 4, 4)), dt), ""]))
+def test_files_that_are_none_or_do_not_go_together(tmp_path, small_rope, known):
+    mat, no_dt, long = (tmp_path / name for name in ("a.mat", "without.csv", "long.csv"))
+    mat.touch()
+    for path, dt in ((no_dt, None), (long, 1.5)):
+        write_csv(path, small_rope.ts, np.zeros((4, 4, 4)), dt)
+    made, no_velocities, other = (
+        write_runs(tmp_path, problem, "velocity-verlet", steps, ".csv", velocities=velocities)
+        for problem, steps, velocities in (
+            (small_rope, STEPS, True),
+            (small_rope, (20,), False),
+            (Rope(num_nodes=4, end=(-300.0, 200.0)).problem(frames=3), (64,), True),
+        )
+    )
     for files, dts, words in (
+        ([mat] * 3, None, "ends in .csv, .npz, .nc"),
+        ([mat, mat], None, "files: 2 given; allowed: at least 3"),
+        # A mistake in the name of a folder, or of one of few files.
+        (["class"], None, "file: 'class' given"),
+        (["a.csv", mat], None, "file: 'a.csv' given"),
+        ("a.csv", None, "put it into a list"),
         (made, [0.5] * 4, "dt: 4 given; allowed: one for each of the 3 files"),
         (made, [0.5] * 3, "0.5 given; allowed: 0.0625, the dt in the file"),
         (made, ["abc", -1, float("nan")], "'abc' is not a number"),
         ([*made, made[0]], None, "has this one too"),
-        ([*made, without], None, "without.csv, dt: 'none' given"),
+        ([*made, no_dt], None, "without.csv, dt: 'none' given"),
         ([*made, long], None, "dt: 1.5 given; allowed: at most 1, the time between"),
-        ([*made, *dim], None, "velocities in all files, or in none"),
+        ([*made, *no_velocities], None, "velocities in all files, or in none"),
+        ([*made, *other], None, "64.csv, initial state, node 1 (x): -100.0 given"),
     ):
         assert words in complaint_of(files, known, dts), words
-
-
-def test_a_file_of_another_problem(tmp_path, small_rope, known):
-    made = write_runs(tmp_path, small_rope, "velocity-verlet", STEPS)
-    other = Rope(num_nodes=4, end=(-300.0, 200.0)).problem(frames=3)
-    made += write_runs(tmp_path, other, "velocity-verlet", (64,))
-    assert "64.npz, initial state, node 1 (x): -100.0 given" in complaint_of(made, known)

@@ -44,38 +44,34 @@ def test_files_of_the_other_rope(tmp_path, ropes, given):
     assert found.evidence["other"] == ropes[kind].problem.parameters
 
 
-def causes(folder, problem, stepper, known, steps=STEPS):
-    made = write_runs(folder, problem, stepper, steps)
-    return [each.cause for each in grade(made, known, expected_order=1).diagnosis]
+# The rope that the files solve, the stepper, and the reference that they are compared with.
+slow = pytest.mark.slow
+HEAVY, NEAR = (InextensibleRope(**SAME, gravity=(0, g)) for g in (-2.0, -1.0001))
+NEITHER = [
+    (Rope(**SAME), "velocity-verlet", Rope(**SAME)),
+    # With another gravity they converge to no rope, however near the other one is.
+    pytest.param(HEAVY, "rattle", Rope(**SAME), marks=slow),
+    pytest.param(NEAR, "rattle", Rope(**SAME), marks=slow),
+    # Rigid links allow no pins apart from each other.
+    pytest.param(InextensibleRope(**SAME), "rattle", Rope(**SAME, pinned=(0, 3)), marks=slow),
+]
 
 
-def test_right_files(tmp_path, ropes):
-    known = ropes["rope"]
-    assert causes(tmp_path, known.problem, "velocity-verlet", known) == []
+@pytest.mark.parametrize(("solved", "stepper", "given"), NEITHER)
+def test_files_of_neither(tmp_path, ropes, solved, stepper, given):
+    made = write_runs(tmp_path, solved.problem(frames=3), stepper, STEPS)
+    known = dataclasses.replace(ropes["rope"], problem=given.problem(frames=3))
+    found = [each.cause for each in grade(made, known, expected_order=1).diagnosis]
+    assert "other-rope" not in found
+    assert (found == []) == (solved == given)
 
 
-@pytest.mark.slow
-def test_files_of_neither(tmp_path, ropes):
-    """With another gravity they converge to no rope, however near the other one is."""
-    for gravity in (-2.0, -1.0001):
-        heavy = InextensibleRope(**SAME, gravity=(0, gravity)).problem(frames=3)
-        assert causes(tmp_path, heavy, "rattle", ropes["rope"]) != ["other-rope"]
-
-
-@pytest.mark.slow
+@slow
 def test_ropes_that_the_runs_cannot_tell_apart(tmp_path):
     """Springs so stiff that they move as rigid links do, as far as the errors show."""
     stiff = reference(Rope(num_nodes=3, stiffness=1e4).problem(frames=1))
     rigid = InextensibleRope(num_nodes=3).problem(frames=1)
-    assert causes(tmp_path, rigid, "explicit-euler", stiff, (4, 8, 16)) != ["other-rope"]
-
-
-@pytest.mark.slow
-def test_what_has_no_other_kind(tmp_path, ropes):
-    """Rigid links allow no pins apart from each other; a problem in a file has no parameters."""
-    apart = Rope(**SAME, pinned=(0, 3)).problem(frames=3)
-    own = ropes["rope"].problem.changed(parameters={})
-    for problem in (apart, own):
-        known = dataclasses.replace(ropes["rope"], problem=problem)
-        rigid = ropes["inextensible-rope"].problem
-        assert causes(tmp_path, rigid, "rattle", known) != ["other-rope"]
+    made = write_runs(tmp_path, rigid, "explicit-euler", (4, 8, 16))
+    assert all(
+        each.cause != "other-rope" for each in grade(made, stiff, expected_order=1).diagnosis
+    )

@@ -31,10 +31,14 @@ def write_csv(path, times, values, dt=None, **how):
     return path
 
 
+def arrays_of(times, values, dim):
+    """By their names."""
+    arrays = {"t": times, "positions": values[:, :, :dim], "velocities": values[:, :, dim:]}
+    return arrays if values.shape[2] > dim else {name: arrays[name] for name in ("t", "positions")}
+
+
 def write_npz(path, times, values, dt=None, dim=2):
-    arrays = {"t": times, "positions": values[:, :, :dim]}
-    if values.shape[2] > dim:
-        arrays["velocities"] = values[:, :, dim:]
+    arrays = arrays_of(times, values, dim)
     if dt is not None:
         arrays["dt"] = np.float64(dt)
     np.savez(path, **{name: np.ascontiguousarray(array) for name, array in arrays.items()})
@@ -44,11 +48,8 @@ def write_npz(path, times, values, dt=None, dim=2):
 def write_netcdf(path, times, values, dt=None, dim=2):
     with h5netcdf.File(path, "w") as file:
         file.dimensions = {"time": len(times), "node": values.shape[1], "axis": dim}
-        file.create_variable("t", ("time",), data=times)
-        axes = ("time", "node", "axis")
-        file.create_variable("positions", axes, data=values[:, :, :dim])
-        if values.shape[2] > dim:
-            file.create_variable("velocities", axes, data=values[:, :, dim:])
+        for name, array in arrays_of(times, values, dim).items():
+            file.create_variable(name, ("time", "node", "axis")[: array.ndim], data=array)
         if dt is not None:
             file.attrs["dt"] = dt
     return path

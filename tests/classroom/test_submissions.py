@@ -31,6 +31,10 @@ def test_a_file_or_a_subfolder_with_one_file(folder):
     assert "no Python file" in found["dora"].trouble
     # The grade book may lie among them.
     assert list(by_name(folder, without=folder / "dora")) == ["anna", "bert", "carla"]
+    # A file and a folder of one name have two.
+    write(folder, {"anna/step.py": ""})
+    found = by_name(folder)
+    assert (found["anna"].where, found["anna.py"].where) == (("anna/step.py",), ("anna.py",))
 
 
 def test_a_name_says_which_function_and_which_file(folder):
@@ -92,12 +96,6 @@ def test_the_digest_is_that_of_all_files_of_a_submission(folder):
 def test_what_is_taken_from_ropeode_is_marked(folder, text, marks):
     (folder / "anna.py").write_text(text)
     assert by_name(folder)["anna"].marks == marks
-
-
-def test_a_file_and_a_folder_of_one_name_have_two(folder):
-    write(folder, {"anna/step.py": ""})
-    found = by_name(folder)
-    assert (found["anna"].where, found["anna.py"].where) == (("anna/step.py",), ("anna.py",))
 
 
 def test_a_subfolder_of_trajectories(tmp_path):

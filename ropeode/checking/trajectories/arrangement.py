@@ -18,6 +18,7 @@ from ropeode.checking.written_precision import (
     epsilon,
     last_digit,
 )
+from ropeode.validation import listed
 
 # An arrangement is tried if it leaves at most this part of the variation of the numbers.
 _LEFT_OVER = 0.5
@@ -33,6 +34,8 @@ _SAFETY = 5.0
 _ROUNDINGS = 64.0
 # Velocities may be multiplied by these powers of dt.
 _POWERS = (0, 1, -1)
+# What columns hold, where there are no velocities beside them.
+_NUMBERS = {"": "positions", "state": "numbers"}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -173,7 +176,8 @@ def _holding(states: np.ndarray, runs: Sequence[Run], quantity: str, after: int)
     for each in held:
         fitted = _fitted(
             each,
-            [Sample(run.dt, values) for run, values in zip(runs, files, strict=True)],
+            [run.dt for run in runs],
+            files,
             problem.quantity(str(each.source), states),
             moves=each.source == problem.quantities[0],
             exact=not after,
@@ -183,16 +187,10 @@ def _holding(states: np.ndarray, runs: Sequence[Run], quantity: str, after: int)
             yield fitted
 
 
-class Sample(NamedTuple):
-    """The columns of one quantity, ``(times, nodes, dim)``, of a run with the step size dt."""
-
-    dt: float
-    values: np.ndarray
-
-
 def _fitted(
     held: Held,
-    files: Sequence[Sample],
+    dts: Sequence[float],
+    files: Sequence[np.ndarray],
     source: np.ndarray,
     *,
     moves: bool,
@@ -203,24 +201,23 @@ def _fitted(
 
     Arguments:
         held: the source and its order.
-        files: from coarse to fine.
+        dts: the step sizes of the runs, from coarse to fine.
+        files: the columns of one quantity, ``(times, nodes, dim)``, of each run.
         source: its right values.
         moves: whether the source has an origin that may be moved.
         exact: whether the first sample is that of the initial state.
         scale: of positions, for their rounding.
     """
     ordered = dataclasses.replace(held, signs=(1,) * len(held.axes)).applied(source, 1.0)
-    found = [_fit(each.values, ordered, moves, exact) for each in files]
+    found = [_fit(each, ordered, moves, exact) for each in files]
     fits = [fit for fit in found if fit is not None]
     if len(fits) < len(files):
         return None
-    values, dt = files[-1].values, files[-1].dt
+    values, dt = files[-1], dts[-1]
     size = float(np.max(np.abs(values)))
     room = _ROUNDINGS * epsilon(values) * max(size, scale if moves else 0.0)
     room += 2.0 * last_digit(values)
-    power, factor = _factor(
-        [each.dt for each in files], [fit.factor for fit in fits], room / size, fits[-1].exact
-    )
+    power, factor = _factor(dts, [fit.factor for fit in fits], room / size, fits[-1].exact)
     held = dataclasses.replace(held, signs=fits[-1].signs, factor=factor, power=power)
     if moves and exact:
         off = np.mean(values[0] - held.applied(source[:1], dt)[0], axis=0)
@@ -280,3 +277,119 @@ def _factor(
 
 def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2)))
+
+
+class Mistake(NamedTuple):
+    """One mistake, and how to mend it."""
+
+    words: str
+    fix: str
+
+
+def mistakes_in(arrangement: Arrangement, run: Run) -> list[Mistake]:
+    """The mistakes that make an arrangement of the columns of a run."""
+    axes, names = run.layout.axes, run.problem.quantities
+    positions, *others = arrangement.held
+    if not others:
+        return _alone(positions, axes, "" if run.layout.mechanical else "state")
+    (velocities,) = others
+    speeds = tuple(f"v{axis}" for axis in axes)
+    leave_out = "write the velocities, or leave their columns out"
+    if velocities.source is None:
+        return [
+            *_alone(positions, axes),
+            Mistake("the velocities are zero", leave_out),
+        ]
+    if velocities.source == names[0] == positions.source:
+        mistake = Mistake("the columns of the velocities hold positions", leave_out)
+        return [*_alone(positions, axes), mistake]
+    found = []
+    if positions.source == names[1]:
+        words = "the columns hold the velocities before the positions"
+        found.append(Mistake(words, "write the positions before the velocities"))
+        positions, velocities = velocities, positions
+    if not _alike(positions, velocities):
+        return [*found, *_alone(positions, axes), *_alone(velocities, speeds, "velocities")]
+    found += [*_order_of_nodes(positions, ""), *_exchanged(positions, axes)]
+    both = tuple(a or b for a, b in zip(positions.signs, velocities.signs, strict=True))
+    found += _mirrored(both, axes)
+    same = positions.power == velocities.power and positions.factor == velocities.factor
+    if same and not velocities.weights:
+        found += _scaled(positions, "all numbers")
+    else:
+        found += [*_scaled(positions, "positions"), *_scaled(velocities, "velocities")]
+    return [*found, *_moved(positions, "positions")]
+
+
+def _alone(held: Held, axes: Sequence[str], name: str = "") -> list[Mistake]:
+    """The mistakes in one quantity; without its name if there is no other."""
+    if name == "velocities" and all(sign <= 0 for sign in held.signs):
+        sign = [Mistake("the velocities have the wrong sign", "write them with the other sign")]
+    else:
+        sign = _mirrored(held.signs, axes)
+    return [
+        *_order_of_nodes(held, name),
+        *_exchanged(held, axes),
+        *(sign if -1 in held.signs else []),
+        *_scaled(held, _NUMBERS.get(name, name)),
+        *_moved(held, _NUMBERS.get(name, name)),
+    ]
+
+
+def _alike(a: Held, b: Held) -> bool:
+    """Whether positions and velocities have the same axes, signs and order of nodes."""
+    signs = all(x == y or not x * y for x, y in zip(a.signs, b.signs, strict=True))
+    return a.axes == b.axes and a.reverse == b.reverse and signs
+
+
+def _order_of_nodes(held: Held, name: str) -> list[Mistake]:
+    if not held.reverse:
+        return []
+    if name == "state":
+        return [Mistake("the components are in reverse order", "write the first one first")]
+    whose = f" of the {name}" if name else ""
+    return [Mistake(f"the nodes{whose} are in reverse order", "number nodes from the other end")]
+
+
+def _exchanged(held: Held, axes: Sequence[str]) -> list[Mistake]:
+    moved = [(axes[k], axes[axis]) for k, axis in enumerate(held.axes) if k != axis]
+    if not moved:
+        return []
+    words = [f"column {column} holds {axis}" for column, axis in moved]
+    return [Mistake(listed(words), f"write {' before '.join(axes)}")]
+
+
+def _mirrored(signs: Sequence[int], axes: Sequence[str]) -> list[Mistake]:
+    fix = "let {} point in the direction of the spec"
+    return [
+        Mistake(f"{axis} points the other way", fix.format(axis))
+        for axis, sign in zip(axes, signs, strict=True)
+        if sign < 0
+    ]
+
+
+def _scaled(held: Held, what: str) -> list[Mistake]:
+    if held.weights:
+        words = f"{what} are multiplied by the masses"
+        return [Mistake(words, "divide them by the masses"), *_scaled(_without(held), what)]
+    if held.factor == 1.0 and held.power == 0:
+        return []
+    factor = "" if held.factor == 1.0 else f"{held.factor:.6g} "
+    if held.power == 0:
+        words, fix = f"{factor}times those of the problem", "write them in the problem's units"
+    elif held.power == 1:
+        words, fix = f"{factor}dt times those of the problem: per step", "divide them by dt"
+    else:
+        words, fix = f"{factor}1/dt times those of the problem", "multiply them by dt"
+    return [Mistake(f"{what} are {words}", fix)]
+
+
+def _without(held: Held) -> Held:
+    return dataclasses.replace(held, weights=())
+
+
+def _moved(held: Held, what: str) -> list[Mistake]:
+    if not held.offset:
+        return []
+    words = f"{what} are shifted by ({', '.join(f'{each:.6g}' for each in held.offset)})"
+    return [Mistake(words, "use the origin of the spec")]

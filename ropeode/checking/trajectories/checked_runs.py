@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ropeode.checking.trajectories.explanations import (
-    explain_columns,
+    explain,
     explain_start,
     explain_times,
     times_complaint,
@@ -18,7 +18,7 @@ from ropeode.checking.trajectories.initial_states import (
     begins_in_single_precision,
     check_initial_states,
 )
-from ropeode.checking.trajectories.run_files import FEWEST, Run, finite, read_runs
+from ropeode.checking.trajectories.run_files import FEWEST, Files, Run, finite, read_runs
 from ropeode.checking.trajectories.time_errors import late_samples
 from ropeode.errors import InputError, ReferenceRefused
 from ropeode.problems import Problem
@@ -53,31 +53,27 @@ def checked_runs(
         InputError: they cannot be used; with the mistake that explains it, if there is one.
     """
     not_traced("dts", dts)
+    asked = Files(files, problem, dts, fewest)
     try:
         runs = read_runs(files, problem, dts, progress, fewest=fewest)
     except InputError:
         try:
-            explanation = explain_times(certified, problem, files, dts, fewest)
+            explanation = explain_times(certified, asked)
         except ReferenceRefused:
             explanation = None
         if explanation is None:
             raise
-        raise InputError(times_complaint(explanation, files, problem)) from None
+        raise InputError(times_complaint(explanation, asked)) from None
     try:
         return runs, check_initial_states(runs)
     except InputError:
-        if why := _why(finite(runs) or runs, problem, files, dts, certified, fewest):
+        if why := _why(finite(runs) or runs, asked, certified):
             check_initial_states(runs, *why)
         raise
 
 
 def _why(
-    runs: Sequence[Run],
-    problem: Problem,
-    files: Sequence[str | Path],
-    dts: Sequence[Any] | None,
-    certified: Callable[[], Reference],
-    fewest: int,
+    runs: Sequence[Run], files: Files, certified: Callable[[], Reference]
 ) -> tuple[str, str] | None:
     """What explains a wrong initial state, and how to mend it."""
     if all(np.all(run.values == run.values[0]) for run in runs):
@@ -89,10 +85,8 @@ def _why(
         reference = certified()
     except ReferenceRefused:
         return explain_start(runs)
-    explanation = explain_columns(reference, runs) or explain_times(
-        lambda: reference, problem, files, dts, fewest, runs
-    )
+    explanation = explain(reference, runs, files)
     if explanation is not None:
         return explanation.line, explanation.fix
     late = late_samples(reference, runs)
-    return explain_start(runs) if late is None else (late.words, late.fix)
+    return explain_start(runs) if late is None else (late.line, late.remedy)

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable, Sequence
 from operator import attrgetter
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from ropeode.analysis import (
@@ -15,20 +18,19 @@ from ropeode.analysis import (
     UNRESOLVED,
     UNSTABLE,
     ObservedOrder,
+    distances,
+    moved,
+    observed_order,
+    resolution,
 )
 from ropeode.checking.convergence import convergence_finding, converging, finest_is_unstable
 from ropeode.checking.report import Convergence, Finding
 from ropeode.checking.trajectories.coarse_steps import by_coarse_steps
-from ropeode.checking.trajectories.instability import before_blow_up
 from ropeode.checking.trajectories.layout import states_of
-from ropeode.checking.trajectories.resolved import (
-    beginning,
-    fastest_rate,
-    resolved_frames,
-    resolving_step,
-)
 from ropeode.checking.trajectories.run_files import Run, finite
 from ropeode.checking.written_precision import digits_of, single_precision
+from ropeode.norms import NORMS, Norm
+from ropeode.precision import in_float64
 from ropeode.references import Reference
 
 # Errors below 30 times the round-off are left out; for the largest possible round-off, three times
@@ -40,6 +42,13 @@ _SPAN = 1.5
 # Growing runs may by chance differ like those that tend to a limit; the limit is then believed to
 # be wrong if it is off by so many times what its uncertainty allows.
 _CERTAINLY = 10.0
+# The error of a method of order 1, after a time T, is a part of about `rate^2 T dt / 2` of what
+# moves fastest: it has another phase or amplitude. Beyond so many times that, errors need not fall.
+_MOST = 16.0
+# States of the reference at which the rate is taken, and products with the Jacobian there.
+_STATES, _PRODUCTS = 16, 64
+# Over a few frames coarse runs are hardly asymptotic; a wider interval says nothing of an order.
+_WIDEST = 1.0
 
 
 def order_finding(
@@ -248,3 +257,109 @@ def _lost(convergence: Convergence, reason: str) -> bool:
         if order.verdict == "undetermined"
         for point in order.left_out
     )
+
+
+def resolved_frames(reference: Reference, dt: float, rate: float) -> int:
+    """The frames from the start over which errors of a step size have to fall with it.
+
+    Arguments:
+        reference: of the problem.
+        dt: a step size.
+        rate: the `fastest_rate` of the problem.
+    """
+    times = reference.problem.ts[: reference.trusted] - reference.problem.ts[0]
+    return int(np.sum(times[1:] * dt * rate**2 <= _MOST))
+
+
+def resolving_step(reference: Reference, rate: float) -> float:
+    """The largest step size with which one frame at least is resolved."""
+    first, second = reference.problem.ts[:2]
+    return _MOST / (rate**2 * float(second - first))
+
+
+def beginning(reference: Reference, frames: int) -> Reference | None:
+    """The reference, trusted over so many frames at most; None without a frame."""
+    if frames == 0:
+        return None
+    trusted = min(reference.trusted, frames + 1)
+    certificate = dataclasses.replace(reference.certificate, trusted=trusted)
+    return dataclasses.replace(reference, certificate=certificate)
+
+
+@functools.lru_cache(maxsize=4)
+@in_float64
+def fastest_rate(reference: Reference) -> float:
+    """How fast the fastest part of a motion changes: the largest eigenvalue of its Jacobian.
+
+    By powers of the Jacobian at states of the reference; the geometric mean of their growth is
+    a few percent off.
+    """
+    problem = reference.problem
+    states = reference.states[: reference.trusted]
+    chosen = np.unique(np.linspace(0, len(states) - 1, _STATES).astype(int))
+    start = np.random.default_rng(0).normal(size=problem.y0.shape)
+
+    def growth(t: jax.Array, y: jax.Array) -> jax.Array:
+        def product(carry: tuple[jax.Array, jax.Array], _: None):
+            direction, total = carry
+            ahead = jax.jvp(lambda y: problem.rhs(t, y, problem.args), (y,), (direction,))[1]
+            size = jnp.sqrt(jnp.sum(ahead**2))
+            return (ahead / jnp.maximum(size, 1e-300), total + jnp.log(size)), None
+
+        (_, total), _ = jax.lax.scan(product, (start, jnp.zeros(())), None, length=_PRODUCTS)
+        return jnp.exp(total / _PRODUCTS)
+
+    each = jax.jit(jax.vmap(growth))(problem.ts[chosen], states[chosen])
+    return float(np.nanmax(each))
+
+
+def before_blow_up(
+    reference: Reference, runs: Sequence[Run]
+) -> dict[str, tuple[int, ObservedOrder]]:
+    """For each quantity the most frames over which runs converge, and the order there.
+
+    At its beginning an unstable run has errors like any other: what grows in it starts from
+    rounding or from the error of the first steps.
+
+    Arguments:
+        reference: of the problem.
+        runs: of which some blow up later.
+
+    Returns:
+        By quantity; without those that show no order over any beginning.
+    """
+    problem, found = reference.problem, {}
+    for quantity in runs[0].quantities:
+        norm = NORMS[f"{quantity}-max"]
+        errors = [_largest(run.states, reference, norm) for run in runs]
+        roundings = [
+            _largest(states_of(problem, run.values + run.rounding), reference, norm, run.states)
+            for run in runs
+        ]
+        finest = resolution(reference, norm)
+        for frames in range(reference.trusted - 1, 0, -1):
+            order = observed_order(
+                [run.dt for run in runs],
+                [each[frames] for each in errors],
+                resolution=finest[frames],
+                rounding=[each[frames] for each in roundings],
+                motion=moved(reference, norm, frames),
+            )
+            if order.verdict == "converges" and _is_narrow(order):
+                found[quantity] = frames, order
+                break
+    return found
+
+
+def _is_narrow(order: ObservedOrder) -> bool:
+    return order.ci95 is not None and order.ci95[1] - order.ci95[0] <= _WIDEST
+
+
+def _largest(
+    states: np.ndarray, reference: Reference, norm: Norm, others: np.ndarray | None = None
+) -> np.ndarray:
+    """The largest distance up to each sample; infinite from where it is not finite."""
+    far = distances(states, reference, norm)
+    if others is not None:
+        far = np.abs(far - distances(others, reference, norm))
+    return np.maximum.accumulate(np.where(np.isfinite(far), far, np.inf))

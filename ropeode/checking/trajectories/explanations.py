@@ -5,20 +5,23 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ropeode.analysis import distances, moved, resolution
-from ropeode.checking.trajectories.arrangement import Arrangement, arrangements
-from ropeode.checking.trajectories.arrangement_words import Mistake, mistakes_in
-from ropeode.checking.trajectories.clocks import Clock, Extent, extent_of
+from ropeode.checking.trajectories.arrangement import (
+    Arrangement,
+    Mistake,
+    arrangements,
+    mistakes_in,
+)
+from ropeode.checking.trajectories.clocks import Clock, Extent, extent_of, likely_clocks
 from ropeode.checking.trajectories.convergence import order_finding
 from ropeode.checking.trajectories.initial_states import begins_right, check_initial_states
 from ropeode.checking.trajectories.layout import Block
-from ropeode.checking.trajectories.likely_clocks import likely_clocks
-from ropeode.checking.trajectories.remainders import RUNS, explains
-from ropeode.checking.trajectories.run_files import Run, finite, opened_files, read_runs
+from ropeode.checking.trajectories.run_files import Files, Run, finite, opened_files, read_runs
+from ropeode.checking.trajectories.time_errors import RUNS, explains
 from ropeode.errors import InputError
 from ropeode.norms import NORMS
 from ropeode.problems import Problem
@@ -148,29 +151,32 @@ def _simplest(
     return _Found(arrangement, f"after the first row, {text}" if after else text, fix, shown)
 
 
+def explain(reference: Reference, runs: Sequence[Run], files: Files) -> Explanation | None:
+    """A mistake in the columns of files, or else in their rows or times.
+
+    Arguments:
+        reference: of the problem.
+        runs: from coarse to fine.
+        files: of the runs.
+    """
+    return explain_columns(reference, runs) or explain_times(lambda: reference, files, runs)
+
+
 def explain_times(
-    certified: Callable[[], Reference],
-    problem: Problem,
-    files: Sequence[str | Path],
-    dts: Any,
-    fewest: int,
-    as_written: Sequence[Run] | None = None,
+    certified: Callable[[], Reference], files: Files, as_written: Sequence[Run] | None = None
 ) -> Explanation | None:
     """A mistake in the rows of files, or in their times, without which they agree with a reference.
 
     Arguments:
         certified: makes the reference, if files can be read at all.
-        problem: that they should solve.
-        files: as `read_runs` has them.
-        dts: likewise.
-        fewest: likewise.
+        files: of one program.
         as_written: the runs, if the files can be read as they are.
 
     Raises:
         ReferenceRefused: no reference can be certified.
     """
-    for clock in likely_clocks(problem, _extents(files, problem, dts, fewest)):
-        found = _explained(clock, certified, problem, files, dts, fewest)
+    for clock in likely_clocks(files.problem, _extents(files)):
+        found = _explained(clock, certified, files)
         if found is not None and (
             as_written is None
             or (
@@ -182,33 +188,27 @@ def explain_times(
     return None
 
 
-def _extents(
-    files: Sequence[str | Path], problem: Problem, dts: Sequence[Any] | None, fewest: int
-) -> list[Extent]:
+def _extents(files: Files) -> list[Extent]:
     """The times of files; none if one of them cannot be read."""
     try:
-        opened, steps, _ = opened_files(files, problem, dts, fewest)
+        opened, steps, _ = opened_files(*files)
         return [extent_of(file.blocks(), dt) for file, dt in zip(opened, steps, strict=True)]
     except (InputError, OSError):
         return []
 
 
 def _explained(
-    clock: Clock,
-    certified: Callable[[], Reference],
-    problem: Problem,
-    files: Sequence[str | Path],
-    dts: Sequence[Any] | None,
-    fewest: int,
+    clock: Clock, certified: Callable[[], Reference], files: Files
 ) -> Explanation | None:
     """The explanation that files have other times, and maybe other columns, too."""
+    paths, problem, dts, fewest = files
     shown = problem if clock.ends else problem.changed(ts=problem.ts[:-1], exact=None)
 
     def reading(index: int, blocks: Iterator[Block]) -> tuple[float, Iterator[Block]]:
         return clock.dts[index], clock.blocks(blocks, index, shown)
 
     try:
-        runs = finite(read_runs(files, shown, dts, fewest=fewest, reading=reading))
+        runs = finite(read_runs(paths, shown, dts, fewest=fewest, reading=reading))
     except InputError:
         return None
     if len(runs) < fewest:
@@ -288,12 +288,12 @@ def _closeness(reference: Reference, runs: Sequence[Run]) -> str | None:
     return " and ".join(words) + f" at dt = {runs[-1].dt:.4g}"
 
 
-def times_complaint(explanation: Explanation, files: Sequence[str | Path], problem: Problem) -> str:
+def times_complaint(explanation: Explanation, files: Files) -> str:
     """The complaint about files whose times or rows are not those of the problem."""
-    names = [Path(file).name for file in files]
+    ts = files.problem.ts
     return complaint(
-        ", ".join(names),
+        ", ".join(Path(path).name for path in files.paths),
         "samples of other times",
-        f"samples from t = {problem.ts[0]:g} to {problem.ts[-1]:g}; {explanation.line}",
+        f"samples from t = {ts[0]:g} to {ts[-1]:g}; {explanation.line}",
         explanation.fix,
     )

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ropeode.checking.trajectories.layout import samples_of
-from ropeode.checking.trajectories.run_files import Run
-from ropeode.checking.trajectories.same_faults import each_once
+from ropeode.checking.trajectories.run_files import Run, each_once
 from ropeode.errors import InputError
 from ropeode.validation import complaint
 

@@ -16,10 +16,9 @@ from ropeode.checking.trajectories.convergence import (
     unstable_steps,
     worst_rounding,
 )
-from ropeode.checking.trajectories.instability import advice
 from ropeode.checking.trajectories.layout import samples_of
-from ropeode.checking.trajectories.likely_methods import LIKELY
 from ropeode.checking.trajectories.run_files import Run, finite
+from ropeode.errors import InputError
 from ropeode.norms import NORMS
 from ropeode.problems import Problem
 from ropeode.progress import silent
@@ -27,8 +26,24 @@ from ropeode.references import Reference
 from ropeode.simulation import simulate, step_size
 from ropeode.steppers import as_stepper
 from ropeode.study import problem_class
+from ropeode.theory import stability_limit
 from ropeode.validation import listed
 
+# What courses teach and games use.
+FIRST = (
+    "explicit-euler",
+    "semi-implicit-euler",
+    "stormer-verlet",
+    "velocity-verlet",
+    "rk4",
+    "constraint-verlet",
+    "rattle",
+)
+# Tried in turn; each only if it is none of those before.
+LIKELY = (
+    (*FIRST, "stormer-verlet:start=rest", "constraint-verlet:start=rest"),
+    ("heun", "midpoint", "ralston2", "ralston3"),
+)
 # Positions are those of a stepper if they differ by this part of their errors, or by rounding.
 _SAME = 0.01
 # The most runs that are advised, as many as an order takes beside runs that are off; and the most
@@ -41,6 +56,8 @@ _CLOSE = 1.25
 _NARROW = 0.5
 # How far from a whole number the steps in a frame may be, by rounding of dt.
 _WHOLE = 1e-3
+# So many further runs, each with twice the steps of the one before.
+_RUNS = 3
 
 
 def more_runs(
@@ -263,3 +280,52 @@ def _shows_an_order(convergence: Convergence) -> bool:
     return all(
         shown(order) and order.verdict == "converges" for order in convergence.orders.values()
     ) and all(off <= allowed for off, allowed in convergence.limits.values())
+
+
+def advice(problem: Problem, claims: Claims, finest: float) -> str:
+    """From how many steps per frame on the method is stable, and the runs to add.
+
+    Arguments:
+        problem: that the runs should solve.
+        claims: the method or the order that they are claimed to have.
+        finest: the smallest step size of the runs.
+    """
+    limits = _limits(problem, claims)
+    words = "; ".join(
+        f"{name} is stable here from {limit} steps per frame on"
+        if limit is not None
+        else f"{name} is stable here at no number of steps per frame that was tried"
+        for name, limit in limits.items()
+    )
+    known = [limit for limit in limits.values() if limit is not None]
+    one = step_size(problem, 1)
+    first = max(min(known, default=1), round(2 * one / finest))
+    counts = [first * 2**k for k in range(_RUNS)]
+    add = f"add runs with {listed(counts)} steps per frame (dt <= {one / first:.3g}) to begin with"
+    return f"{words}; {add}" if words else add
+
+
+def _limits(problem: Problem, claims: Claims) -> dict[str, int | None]:
+    """The fewest stable steps per frame of the methods that it may be; empty if unknown."""
+    if problem.mechanics is None:
+        return {}
+    if claims.method is not None:
+        names = [claims.method]
+    else:
+        own = problem_class(problem)
+        names = [
+            name
+            for name in FIRST
+            if claims.order is not None
+            and (stepper := as_stepper(name)).order(own) == claims.order
+            and stepper.solves(own)
+            and stepper.refusal(problem) is None
+        ]
+    limits: dict[str, int | None] = {}
+    for name in names:
+        try:
+            limits[name] = stability_limit(problem, name)
+        except InputError:
+            # There is no equilibrium about which a small motion could grow.
+            continue
+    return limits

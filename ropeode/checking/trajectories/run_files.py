@@ -5,25 +5,23 @@ from __future__ import annotations
 import dataclasses
 import functools
 import itertools
+import re
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from ropeode.checking.trajectories.array_files import NetcdfFile, NpzFile
 from ropeode.checking.trajectories.csv_files import CsvFile
 from ropeode.checking.trajectories.layout import Block, Layout, states_of
-from ropeode.checking.trajectories.netcdf_files import NetcdfFile
-from ropeode.checking.trajectories.npz_files import NpzFile
-from ropeode.checking.trajectories.same_faults import each_once
 from ropeode.checking.trajectories.sampling import Diverged, Sampling
-from ropeode.checking.trajectories.steps_in_names import by_names, steps_in_names
 from ropeode.checking.written_precision import epsilon, last_digit
 from ropeode.errors import InputError
 from ropeode.problems import Problem
 from ropeode.progress import Progress, silent
 from ropeode.simulation import step_size
-from ropeode.validation import MOST_COUNTED, bad_value, complaint, positive_number
+from ropeode.validation import MOST_COUNTED, bad_value, complaint, listed, positive_number
 
 File = CsvFile | NpzFile | NetcdfFile
 FORMATS: dict[str, type[File]] = {".csv": CsvFile, ".npz": NpzFile, ".nc": NetcdfFile}
@@ -33,6 +31,10 @@ FEWEST = 3
 _NAMES_SHOWN = 3
 # Two values of a step size, or of a number of steps, are equal if they differ by less.
 _SAME = 1e-3
+# In names of files. Those with a point or an exponent are step sizes rather than numbers of steps.
+_NUMBER = re.compile(r"\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
+# In complaints, which are the same fault if they differ by these alone.
+_ANY_NUMBER = re.compile(r"[-+]?\d[\d.]*(e[-+]?\d+)?", re.IGNORECASE)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -111,6 +113,22 @@ class Run:
         """Whether the interval between samples is not a multiple of dt."""
         steps = self.interval / self.dt
         return abs(steps - np.rint(steps)) > _SAME * steps
+
+
+class Files(NamedTuple):
+    """Files of one program, as `read_runs` has them.
+
+    Fields:
+        paths: one for each step size.
+        problem: the problem that they should solve.
+        dts: step size of each; None if the files contain them, or their names the steps per frame.
+        fewest: the smallest number of files.
+    """
+
+    paths: Sequence[str | Path]
+    problem: Problem
+    dts: Any = None
+    fewest: int = FEWEST
 
 
 def finite(runs: Sequence[Run]) -> tuple[Run, ...]:
@@ -238,14 +256,14 @@ def _step_sizes_in_names(
     try:
         if not problem.equal_frames:
             raise ValueError("the frames of the problem differ in length")
-        steps, frame = steps_in_names(paths), step_size(problem, 1)
+        steps, frame = _steps_in(paths), step_size(problem, 1)
         given = None if dts is None else [positive_number(dt) for dt in dts]
     except ValueError as error:
         return None, str(error)
     if given is None:
         return [frame / n for n in steps], ""
     try:
-        named = by_names(steps, given, frame)
+        named = _by_names(steps, given, frame)
     except ValueError as error:
         names = ", ".join(path.name for path in paths)
         allowed = f"step sizes in the order of the files {names} ({error})"
@@ -333,3 +351,79 @@ def _read(
         fix = "check whether this dt belongs to another file"
         raise bad_value(f"{file.path}, dt", dt, allowed, fix)
     return Run(problem, file.path, dt, values, interval, diverged=sampling.diverged)
+
+
+def _steps_in(paths: Sequence[Path]) -> list[int]:
+    """The steps per frame in the names of files that differ in nothing else.
+
+    Arguments:
+        paths: of the files, at least two.
+
+    Raises:
+        ValueError: the names may mean something else; its text says why.
+    """
+    names = [path.stem for path in paths]
+    numbers = [_NUMBER.findall(name) for name in names]
+    if len({_NUMBER.sub("#", name) for name in names}) > 1:
+        raise ValueError("the names differ in more than a number")
+    differing = [column for column in zip(*numbers, strict=True) if len(set(column)) > 1]
+    if not differing:
+        raise ValueError("no number tells the names apart")
+    if len(differing) > 1:
+        raise ValueError("the names differ in more than one number")
+    for text in differing[0]:
+        if not text.isdecimal() or int(text) < 1:
+            raise ValueError(f"{text} in a name is no number of steps")
+    steps = [int(text) for text in differing[0]]
+    if max(steps) - min(steps) == len(steps) - 1:
+        raise ValueError(f"{min(steps)} to {max(steps)} in the names may number the files")
+    return steps
+
+
+def _by_names(steps: Sequence[int], dts: Sequence[float], frame: float) -> list[float] | None:
+    """Step sizes in the order of the files, whose names say how many steps are in a frame.
+
+    Arguments:
+        steps: that the name of each file says.
+        dts: the step sizes in any order.
+        frame: the length of a frame.
+
+    Returns:
+        The step size of each file; None if they are not those that the names say.
+
+    Raises:
+        ValueError: names and step sizes fit in another order and in another unit of time.
+    """
+    order = np.argsort(np.argsort(-np.asarray(steps)))
+    sorted_by_names = np.sort(dts)[order]
+    if _constant(sorted_by_names * steps, frame):
+        return sorted_by_names.tolist()
+    ratio = float(sorted_by_names[0] * steps[0])
+    if _constant(sorted_by_names * steps, ratio) and not (
+        _constant(np.multiply(dts, steps), dts[0] * steps[0])
+        or _constant(np.divide(dts, steps), dts[0] / steps[0])
+    ):
+        raise ValueError("in another order, they would be proportional to one over the number")
+    return None
+
+
+def _constant(values: np.ndarray, value: float) -> bool:
+    return bool(np.all(np.abs(values - value) <= _SAME * abs(value)))
+
+
+def each_once(faults: Sequence[tuple[Path, str]]) -> list[str]:
+    """Complaints about files; those that differ by numbers alone are one, which names all files.
+
+    Arguments:
+        faults: the path of a file and the complaint, in the order of the files.
+    """
+    alike: dict[str, list[tuple[Path, str]]] = {}
+    for path, line in faults:
+        same = _ANY_NUMBER.sub("#", line.replace(str(path), ""))
+        alike.setdefault(same, []).append((path, line))
+    return [_together([path for path, _ in each], each[0][1]) for each in alike.values()]
+
+
+def _together(paths: Sequence[Path], line: str) -> str:
+    others = list(dict.fromkeys(path.name for path in paths[1:] if path != paths[0]))
+    return f"{line} So in {listed(others)}." if others else line

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
+import functools
+import operator
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -12,13 +13,17 @@ import numpy as np
 from ropeode.analysis import differences, moved
 from ropeode.checking.report import Diagnosis
 from ropeode.checking.trajectories.initial_states import begins_right
-from ropeode.checking.trajectories.remainders import RUNS, explains
 from ropeode.checking.trajectories.run_files import Run
 from ropeode.norms import NORMS
 from ropeode.precision import in_float64
-from ropeode.problems import Problem
 from ropeode.references import Reference
 
+# A mistake explains errors if at most these parts of them remain in the finest run and in the next.
+_REMAINDERS = (0.05, 0.2)
+# Or if this part remains in the finest run, and falls over so many runs with a power of dt between
+# these: the mistake explains the leading term, and the next one or two orders remain.
+_LARGEST, _LEAST_POWER, _LARGEST_POWER = 0.25, 0.75, 2.5
+RUNS = 3
 _ROUNDING = 1e-6
 # If only one quantity is late, the errors of the others are smaller by this factor, as parts of the
 # motion, or fall faster with dt by that one.
@@ -57,23 +62,38 @@ _WELL_KNOWN_ALONE: dict[float | None, tuple[str, str]] = {
 }
 
 
+def explains(parts: Sequence[float], dts: Sequence[float]) -> bool:
+    """Whether so little remains that a mistake without free parameters explains the errors.
+
+    Arguments:
+        parts: of the errors that remain in each run, from the finest on; `RUNS` are enough.
+        dts: their step sizes.
+    """
+    if len(parts) >= len(_REMAINDERS) and all(map(operator.le, parts, _REMAINDERS)):
+        return True
+    if len(parts) < RUNS or parts[0] > _LARGEST or min(parts) <= 0.0:
+        return False
+    powers = np.diff(np.log(parts)) / np.diff(np.log(dts))
+    return bool(np.all((powers >= _LEAST_POWER) & (powers <= _LARGEST_POWER)))
+
+
 class Delay(NamedTuple):
     """A mistake by which samples are late; none of them has a parameter to fit.
 
     Fields:
         cause: a keyword.
         words: describe it to its author; `{these}` stands for the quantities that are late.
-        fix: how to mend it; empty if the words say it.
         steps: by how many steps each sample is late, from the time since the start in steps, and
             the number of the frame.
+        fix: how to mend it; empty if the words say it.
         constant: if each sample is late alike, by how many steps.
         alone: whether one quantity may be late, and the others in time.
     """
 
     cause: str
     words: str
-    fix: str
     steps: Callable[[np.ndarray, np.ndarray], np.ndarray]
+    fix: str = ""
     constant: float | None = None
     alone: bool = False
 
@@ -101,139 +121,76 @@ def _last_step(steps: np.ndarray) -> np.ndarray:
     return np.where(rest > 0.0, rest, 1.0)
 
 
-def _always(steps: float) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-    return lambda ends, _: np.full(len(ends), steps)
-
-
+# What a program makes in place of the right number of steps.
+_COUNTS = {
+    "one step too few in each frame": lambda _, n: -1.0 * n,
+    "one step too many in each frame": lambda _, n: 1.0 * n,
+    "one step too few in the first frame": lambda _, n: -1.0 * np.minimum(n, 1),
+    "one step too many in the first frame": lambda _, n: 1.0 * np.minimum(n, 1),
+}
+# What dt does not divide, and what happens then.
+_LAST_STEPS = {
+    "a frame, the program skips the last partial step": (
+        lambda ends, _: -_in_each_frame(ends, _part)
+    ),
+    "a frame, its last step goes beyond the end of the frame": (
+        lambda ends, _: _in_each_frame(ends, _missing)
+    ),
+    "a sample time, the sample is taken from the step before it": lambda ends, _: -_part(ends),
+    "a sample time, the sample is taken from the step after it": lambda ends, _: _missing(ends),
+    "a frame, the program makes the nearest whole number of steps": (
+        lambda ends, _: _in_each_frame(ends, lambda steps: np.rint(steps) - steps)
+    ),
+    "a sample time, the sample is taken from the nearest step": (
+        lambda ends, _: np.rint(ends) - ends
+    ),
+}
+_BOTH = "write positions and velocities of the time of the row"
+# By how many steps all samples are late, whose state they are, and how to mend it.
+_ALWAYS = (
+    (
+        1.0,
+        "one step later: the first row is the state after the first step",
+        "write the initial state first, and each row before the next step",
+    ),
+    (-1.0, "one step earlier", "write them after the last step before their time"),
+    (0.5, "half a step later, t + dt/2", _BOTH),
+    (-0.5, "half a step earlier, t - dt/2", _BOTH),
+)
 _DELAYS = (
-    Delay(
-        "step-count", "the program makes one step too few in each frame", "", lambda _, n: -1.0 * n
-    ),
-    Delay(
-        "step-count", "the program makes one step too many in each frame", "", lambda _, n: 1.0 * n
-    ),
-    Delay(
-        "step-count",
-        "the program makes one step too few in the first frame",
-        "",
-        lambda _, n: -1.0 * np.minimum(n, 1),
-    ),
-    Delay(
-        "step-count",
-        "the program makes one step too many in the first frame",
-        "",
-        lambda _, n: 1.0 * np.minimum(n, 1),
-    ),
-    Delay(
-        "last-step",
-        "if dt does not divide a frame, the program skips the last partial step",
-        "",
-        lambda ends, _: -_in_each_frame(ends, _part),
-    ),
-    Delay(
-        "last-step",
-        "if dt does not divide a frame, its last step goes beyond the end of the frame",
-        "",
-        lambda ends, _: _in_each_frame(ends, _missing),
-    ),
-    Delay(
-        "last-step",
-        "if dt does not divide a sample time, the sample is taken from the step before it",
-        "",
-        lambda ends, _: -_part(ends),
-    ),
-    Delay(
-        "last-step",
-        "if dt does not divide a sample time, the sample is taken from the step after it",
-        "",
-        lambda ends, _: _missing(ends),
-    ),
-    Delay(
-        "last-step",
-        "if dt does not divide a frame, the program makes the nearest whole number of steps",
-        "",
-        lambda ends, _: _in_each_frame(ends, lambda steps: np.rint(steps) - steps),
-    ),
-    Delay(
-        "last-step",
-        "if dt does not divide a sample time, the sample is taken from the nearest step",
-        "",
-        lambda ends, _: np.rint(ends) - ends,
+    *(Delay("step-count", f"the program makes {words}", steps) for words, steps in _COUNTS.items()),
+    *(
+        Delay("last-step", f"if dt does not divide {words}", steps)
+        for words, steps in _LAST_STEPS.items()
     ),
     Delay(
         "sample-time",
         "the first row is the state after the first step, and the others are of their time",
-        "write the initial state before the first step",
         lambda _, n: 1.0 * (n == 0),
+        "write the initial state before the first step",
     ),
-    Delay(
-        "sample-time",
-        "{these} are those of one step later: the first row is the state after the first step",
-        "write the initial state first, and each row before the next step",
-        _always(1.0),
-        1.0,
-        alone=True,
-    ),
-    Delay(
-        "sample-time",
-        "{these} are those of one step earlier",
-        "write them after the last step before their time",
-        _always(-1.0),
-        -1.0,
-        alone=True,
-    ),
-    Delay(
-        "sample-time",
-        "{these} are those of half a step later, t + dt/2",
-        "write positions and velocities of the time of the row",
-        _always(0.5),
-        0.5,
-        alone=True,
-    ),
-    Delay(
-        "sample-time",
-        "{these} are those of half a step earlier, t - dt/2",
-        "write positions and velocities of the time of the row",
-        _always(-0.5),
-        -0.5,
-        alone=True,
+    *(
+        Delay(
+            "sample-time",
+            f"{{these}} are those of {words}",
+            lambda ends, _, late=late: np.full(len(ends), late),
+            fix,
+            late,
+            alone=True,
+        )
+        for late, words, fix in _ALWAYS
     ),
     Delay(
         "sample-time",
         "{these} are those before the last step of each frame",
-        "write them after it",
         lambda ends, _: -_last_step(np.diff(ends, prepend=0.0)),
+        "write them after it",
         alone=True,
     ),
 )
 
 
-@dataclasses.dataclass(frozen=True)
-class LateSamples:
-    """Samples of another time than their own.
-
-    Arguments:
-        cause: a keyword.
-        words: what is late, with the evidence.
-        fix: how to mend it; empty if the words say it.
-        quantities: which are late.
-        left_over: the part of the errors of the finest run that it leaves unexplained.
-    """
-
-    cause: str
-    words: str
-    fix: str
-    quantities: tuple[str, ...]
-    left_over: float
-
-    @property
-    def diagnosis(self) -> Diagnosis:
-        """The same as a diagnosis."""
-        evidence = {"left_over": self.left_over, "late": [*self.quantities]}
-        return Diagnosis(self.cause, self.words, evidence, self.fix)
-
-
-def late_samples(reference: Reference, runs: Sequence[Run]) -> LateSamples | None:
+def late_samples(reference: Reference, runs: Sequence[Run]) -> Diagnosis | None:
     """Samples of another time that explain the errors: a wrong number of steps, or half a step.
 
     The solution at those times is compared with the two finest runs that it concerns.
@@ -241,14 +198,18 @@ def late_samples(reference: Reference, runs: Sequence[Run]) -> LateSamples | Non
     Arguments:
         reference: of the problem.
         runs: from coarse to fine; their first samples may be late, too.
+
+    Returns:
+        What is late, with the evidence: which quantities, and the part of the errors of the
+        finest run that is left over.
     """
     shifts, quantities = _Shifts(reference, runs), runs[0].quantities
-    best: LateSamples | None = None
+    best: Diagnosis | None = None
     for delay in _DELAYS:
         for names in _late_together(delay, quantities):
             found = shifts.left_over(delay, names)
             # Of delays that are the same here, the first one counts.
-            if found is None or (best is not None and found[0] >= _LESS * best.left_over):
+            if found is None or (best and found[0] >= _LESS * best.evidence["left_over"]):
                 continue
             left, dt = found
             these = _PLURAL[names[0]] if len(names) == 1 else "samples"
@@ -262,7 +223,7 @@ def late_samples(reference: Reference, runs: Sequence[Run]) -> LateSamples | Non
             words += (
                 f"; this explains {100.0 * (1.0 - left):.3g}% of {whose} errors at dt = {dt:.4g}"
             )
-            best = LateSamples(delay.cause, words, fix, names, left)
+            best = Diagnosis(delay.cause, words, {"left_over": left, "late": [*names]}, fix)
     return best
 
 
@@ -277,7 +238,7 @@ class _Shifts:
 
     def __init__(self, reference: Reference, runs: Sequence[Run]):
         self.problem, self.runs, trusted = reference.problem, runs, reference.trusted
-        self._rates, self._changes = _derivatives(self.problem, reference.states[:trusted])
+        self._rates, self._changes = _derivatives(reference)
         self._elapsed = self.problem.ts[:trusted] - self.problem.ts[0]
         self._errors = [differences(run.states, reference) for run in runs]
         self._motion = {name: moved(reference, NORMS[f"{name}-max"]) for name in runs[0].quantities}
@@ -336,9 +297,11 @@ class _Shifts:
         return falls(other) > _FASTER * max(map(falls, names))
 
 
+@functools.lru_cache(maxsize=4)
 @in_float64
-def _derivatives(problem: Problem, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The first and second derivatives of states in time, each ``(times, *state)``."""
+def _derivatives(reference: Reference) -> tuple[np.ndarray, np.ndarray]:
+    """The first and second derivatives of trusted states in time, each ``(times, *state)``."""
+    problem, states = reference.problem, reference.states[: reference.trusted]
 
     def both(t: float, y: np.ndarray) -> tuple:
         rate = problem.rhs(t, y, problem.args)
