@@ -43,36 +43,27 @@ def steps_of(known):
 
 
 @pytest.mark.parametrize(
-    ("name", "y0", "number", "pole", "exact"),
-    [
-        ("square", 1.0, 1.1, 1 / 1.1, lambda t: 1 / (1 - 1.1 * t)),
-        ("square", 1.0, 0.7, 1 / 0.7, lambda t: 1 / (1 - 0.7 * t)),
-        ("tan", 0.0, 1.0, np.pi / 2, np.tan),
-    ],
+    ("number", "pole"), [(1.1, 1 / 1.1), pytest.param(0.7, 1 / 0.7, marks=pytest.mark.slow)]
 )
-def test_a_pole_ends_the_horizon_after_few_steps(name, y0, number, pole, exact):
-    known = reference(scalar(name, y0, TS, number))
+def test_a_pole_ends_the_horizon_after_few_steps(number, pole):
+    known = reference(scalar("square", 1.0, TS, number))
     assert known.trusted == np.sum(pole > TS)
     assert known.horizon == TS[known.trusted]
     assert "step size has become too small" in known.certificate.horizon_reason
     assert f"t = {pole:g}" in known.certificate.horizon_reason
     assert steps_of(known) < 20_000
-    assert_covered(known, exact(TS))
+    assert_covered(known, 1 / (1 - number * TS))
 
 
-@pytest.mark.parametrize(
-    ("equation", "y0", "words", "runs"),
-    [
-        pytest.param("square", 4.0, "t = 0.25: the step size has become too small", 1, id="pole"),
-        pytest.param("root", 0.0, "", 13, id="not unique"),
-    ],
-)
-def test_what_has_no_solution_is_refused_soon(equation, y0, words, runs):
+def test_what_has_no_solution_is_refused_soon():
     """A solver that is stuck uses up its steps, and nobody tries all tolerances with it."""
-    said, refusal = said_by(scalar(equation, y0, TS))
-    assert f"no reference for '{equation}'" in str(refusal)
-    assert words in str(refusal)
-    assert len(said) <= runs
+    said, refusal = said_by(scalar("square", 4.0, TS))
+    assert "for 'square': " in str(refusal)
+    assert "t = 0.25: the step size has become too small" in str(refusal)
+    assert len(said) == 1
+    said, refusal = said_by(scalar("root", 0.0, TS))
+    assert "no reference for 'root'" in str(refusal)
+    assert len(said) <= 13
 
 
 @pytest.mark.slow
@@ -115,16 +106,20 @@ def test_large_times_are_said_to_be_coarse():
     with pytest.raises(ReferenceRefused, match="1.2e-07 apart.*let t start at 0") as refused:
         reference(problem, accuracy=1e-12)
     assert str(refused.value).count("apart") == 1
-    for start, length in ((0.0, 1e-9), (1e6, 1e3), (-1e9, 1e6)):
-        fine = scalar("decay", 1.0, start + np.linspace(0.0, length, 6), 1.0 / length)
-        assert remarks(reference(fine)) == ()
-    late = scalar("decay", 1.0, 1e9 + 1e-3 * np.arange(6))
-    assert ["let t start at 0" in remark for remark in remarks(reference(late))] == [True]
-    growing = scalar("decay", 1.0, np.array([0.0, 1e-9, 1.0, 1e4, 1e8, 1e11]), 1e-11)
-    assert remarks(reference(growing)) == ()
-    near = scalar("decay", 1.0, np.array([0.0, 1.0, 2.0, 3.0, 1e11, 1e11 + 1.0]), 1e-11)
-    (remark,) = remarks(reference(near))
-    assert "samples that are further apart" in remark
+
+
+@pytest.mark.parametrize(
+    ("ts", "words"),
+    [
+        (1e6 + np.linspace(0.0, 1e3, 6), None),
+        ([0.0, 1e-9, 1.0, 1e4, 1e8, 1e11], None),
+        (1e9 + 1e-3 * np.arange(6), "let t start at 0"),
+        ([0.0, 1.0, 2.0, 3.0, 1e11, 1e11 + 1.0], "samples that are further apart"),
+    ],
+)
+def test_samples_in_coarse_times_are_remarked(ts, words):
+    said = remarks(reference(scalar("decay", 1.0, np.array(ts), min(1.0, 1.0 / np.ptp(ts)))))
+    assert [words in remark for remark in said] == ([True] if words else [])
 
 
 def decays(t, y, args):
@@ -160,14 +155,10 @@ def test_each_component_may_have_its_tolerance():
     )
 
 
-EXTENDED = {"level": "extended"}
-
-
 @pytest.mark.parametrize(
     ("options", "words"),
     [
         ({"accuracy": 0}, "accuracy: 0 given; allowed: a finite number > 0"),
-        ({"accuracy": "fine"}, "accuracy: 'fine' given"),
         ({"rtol": 1e-15}, "rtol: 1e-15 given; allowed: from 1e-13"),
         ({"rtol": np.nan}, "rtol: nan given"),
         ({"atol": -1e-8}, "atol: -1e-08 given"),
@@ -178,9 +169,9 @@ EXTENDED = {"level": "extended"}
         ({"atol": 1e300}, r"atol: 1e\+300 given; .* finite when divided by rtol"),
         ({"time_limit": -1}, "time_limit: -1 given"),
         ({"level": "exact"}, "level: 'exact' given"),
-        ({"rtol": 1e-9, **EXTENDED}, "rtol: .* none with level 'extended'"),
-        ({"atol": 1e-20, **EXTENDED}, "atol: .* none with level 'extended'"),
-        ({"digits": 301, **EXTENDED}, "digits: 301 given; .* whole number from 1 to 300"),
+        ({"level": "extended", "rtol": 1e-9}, "rtol: .* none with level 'extended'"),
+        ({"level": "extended", "atol": 1e-20}, "atol: .* none with level 'extended'"),
+        ({"level": "extended", "digits": 301}, "digits: 301 given; .* whole number from 1 to 300"),
     ],
 )
 def test_what_cannot_be_used_is_refused(options, words):
@@ -239,6 +230,11 @@ def test_a_sparse_jacobian():
     assert_covered(known, exact)
     # Steps that are not compensated lose a unit of rounding each.
     assert known.bound()[-1] >= 4 * known.certificate.steps * EPS64
+    coupled = known.problem.changed(
+        rhs=lambda t, y, args: known.problem.rhs(t, y, args) - jnp.mean(y)
+    )
+    with pytest.raises(ReferenceRefused, match="only where the right-hand side is in JAX"):
+        reference(coupled, time_limit=1e-3)
     again = dict(witness_runs(known))
     for each in known.certificate.witnesses:
         assert each.solver == (SCIPY_RADAU if each.role == "independent" else SCIPY_BDF)
@@ -247,31 +243,10 @@ def test_a_sparse_jacobian():
     assert 0.0 < apart < known.bound()[-1]
 
 
-@pytest.mark.slow
-def test_a_large_problem_whose_jacobian_is_not_sparse():
-    problem = diffusion(0.1)
-    coupled = problem.changed(rhs=lambda t, y, args: problem.rhs(t, y, args) - jnp.mean(y))
-    with pytest.raises(ReferenceRefused, match="only where the right-hand side is in JAX"):
-        reference(coupled, time_limit=1e-3)
-
-
-def _robertson(t, y, args):
-    slow, back, fast = 0.04 * y[0], 1e4 * y[1] * y[2], 3e7 * y[1] ** 2
-    return jnp.stack([back - slow, slow - back - fast, fast])
-
-
 def test_a_component_too_small_for_the_bound_is_named():
     (remark,) = remarks(reference(Problem(decays, [1.0, 1.0], [0.0, 20.0, 30.0])))
     assert "number 0 (" in remark
     assert "number 1 (" not in remark
-    assert "atol" in remark
-
-
-@pytest.mark.slow
-def test_components_of_a_stiff_problem_too_small_for_the_bound_are_named():
-    known = reference(Problem(_robertson, [1.0, 0.0, 0.0], [0.0, 1.0, 1e5, 1e11]))
-    (remark,) = remarks(known)
-    assert "number 0 (2.1e-08), number 1 (8.3e-14)" in remark
     assert "atol" in remark
 
 
