@@ -195,21 +195,32 @@ def test_where_one_needle_was_hit_there_may_be_others():
         reference(turn(1e-3, equation=_needles, ts=ts), accuracy=1e-3)
 
 
-def check_growing(numbers, span, y0, **options):
+# Of a few thousandths of the state: where tolerances are loose, the path must be nearer.
+DEEP, FLAT = (-345.0, 3.9357, 3.9367, 2.5, 1.0), (90.0, 2.2, 2.204, 2.5, 1.0)
+# A node hits it, and spoils the polynomial of its step: all is off it but the window itself.
+WINDOW, RATES = (1.2089052726877827, 1.2089872370944925), (0.44646090280592166, 0.807577811618335)
+AT_A_NODE = (61286.55863275827, *WINDOW, *RATES)
+SLOW = pytest.mark.slow
+
+
+@as_for_users
+@pytest.mark.parametrize(
+    ("numbers", "span", "y0", "rtol"),
+    [
+        (DEEP, 0.74, -0.4, 1e-6),
+        (FLAT, 0.74, -0.4, 1e-6),
+        pytest.param(DEEP, 0.74, -0.4, 1e-4, marks=SLOW),
+        pytest.param(FLAT, 0.74, -0.4, 1e-4, marks=SLOW),
+        (AT_A_NODE, 2.0084368246778497, -1.0793797669842606, None),
+    ],
+)
+def test_windows_in_the_state_are_found(numbers, span, y0, rtol):
     """The bound covers what `_grows` does to both numbers, or there is none."""
     height, low, high, rate, own = numbers
     late = np.exp(own * (span - np.log([low, high]) / rate))
     end = y0 * np.exp(own * span) + height / own * (late[0] - late[1])
     problem = turn(*numbers, equation=_grows, y0=[1.0, y0], ts=[0.0, span])
-    covered(problem, np.array([[1.0, y0], [np.exp(rate * span), end]]), **options)
-
-
-@as_for_users
-@pytest.mark.parametrize("rtol", [1e-6, pytest.param(1e-4, marks=pytest.mark.slow)])
-def test_windows_in_the_state_are_found_where_tolerances_are_loose(rtol):
-    """A window of a few thousandths of the state: the path must be nearer to the solution."""
-    for height, low, width in ((-345.0, 3.9357, 1e-3), (90.0, 2.2, 4e-3)):
-        check_growing((height, low, low + width, 2.5, 1.0), 0.74, -0.4, rtol=rtol)
+    covered(problem, np.array([[1.0, y0], [np.exp(rate * span), end]]), rtol=rtol)
 
 
 def test_motion_between_the_samples_counts():
@@ -217,14 +228,6 @@ def test_motion_between_the_samples_counts():
     known = reference(turn(ts=2.0 * np.pi * np.arange(6)))
     assert known.horizon is None
     assert known.certificate.accuracy == pytest.approx(2.118e-8, rel=0.01)
-
-
-@as_for_users
-def test_a_window_that_a_node_hits_is_found():
-    """It spoils the polynomial of its step, so that all is off it but the window itself."""
-    window = (1.2089052726877827, 1.2089872370944925)
-    numbers = (61286.55863275827, *window, 0.44646090280592166, 0.807577811618335)
-    check_growing(numbers, 2.0084368246778497, -1.0793797669842606)
 
 
 def _clock(t, y, args):

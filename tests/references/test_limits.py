@@ -42,17 +42,15 @@ def steps_of(known):
     return known.certificate.steps + sum(each.steps for each in known.certificate.witnesses)
 
 
-@pytest.mark.parametrize(
-    ("number", "pole"), [(1.1, 1 / 1.1), pytest.param(0.7, 1 / 0.7, marks=pytest.mark.slow)]
-)
-def test_a_pole_ends_the_horizon_after_few_steps(number, pole):
-    known = reference(scalar("square", 1.0, TS, number))
+def test_a_pole_ends_the_horizon_after_few_steps():
+    pole = 1 / 1.1
+    known = reference(scalar("square", 1.0, TS, 1.1))
     assert known.trusted == np.sum(pole > TS)
     assert known.horizon == TS[known.trusted]
     assert "step size has become too small" in known.certificate.horizon_reason
     assert f"t = {pole:g}" in known.certificate.horizon_reason
     assert steps_of(known) < 20_000
-    assert_covered(known, 1 / (1 - number * TS))
+    assert_covered(known, 1 / (1 - 1.1 * TS))
 
 
 def test_what_has_no_solution_is_refused_soon():
@@ -69,7 +67,7 @@ def test_what_has_no_solution_is_refused_soon():
 @pytest.mark.slow
 def test_where_it_chatters_no_run_but_the_first_tries_to_go_on():
     """y' = -sign(y) comes to zero at 1.6, and jumps back and forth from then on."""
-    said, known = said_by(scalar("sign", 1.6, TS))
+    said, known = said_by(Problem(lambda t, y, args: -jnp.sign(y), [1.6], TS))
     assert known.trusted == np.sum(TS < 1.6)
     # Twice the explicit solver, the implicit one, and then only up to the last sample.
     assert len(said) <= 16
@@ -126,18 +124,20 @@ def decays(t, y, args):
     return -jnp.array([1.0, 0.01]) * y
 
 
-@pytest.mark.parametrize(
-    ("y0", "options", "told"),
-    [
-        ([1e3, 1e-6], {}, True),
-        ([1e3, 1.0], {}, False),
-        ([1e3, 1e-6], {"atol": [1e-10, 1e-19]}, False),
-        ([1e3, 0.0], {}, False),
-    ],
-)
-def test_components_of_different_size_are_named(y0, options, told):
-    _, refusal = said_by(Problem(decays, y0, [0.0, 1.0, 2.0]), accuracy=1e-30, **options)
-    assert ("from 1.0e-06 to 1.0e+03" in str(refusal)) == told
+def test_components_of_different_size_are_named():
+    for y0, atol, told in (
+        ([1e3, 1e-6], None, True),
+        ([1e3, 1.0], None, False),
+        ([1e3, 1e-6], [1e-10, 1e-19], False),
+        ([1e3, 0.0], None, False),
+    ):
+        _, refusal = said_by(Problem(decays, y0, [0.0, 1.0, 2.0]), accuracy=1e-30, atol=atol)
+        assert ("from 1.0e-06 to 1.0e+03" in str(refusal)) == told
+    # A component may be lost under the bound, too.
+    (remark,) = remarks(reference(Problem(decays, [1.0, 1.0], [0.0, 20.0, 30.0])))
+    assert "number 0 (" in remark
+    assert "number 1 (" not in remark
+    assert "atol" in remark
 
 
 def test_each_component_may_have_its_tolerance():
@@ -243,21 +243,14 @@ def test_a_sparse_jacobian():
     assert 0.0 < apart < known.bound()[-1]
 
 
-def test_a_component_too_small_for_the_bound_is_named():
-    (remark,) = remarks(reference(Problem(decays, [1.0, 1.0], [0.0, 20.0, 30.0])))
-    assert "number 0 (" in remark
-    assert "number 1 (" not in remark
-    assert "atol" in remark
-
-
-def _van_der_pol(t, y, args):
-    return jnp.stack([y[1], ((1.0 - y[0] ** 2) * y[1] - y[0]) / args])
-
-
 @pytest.mark.slow
 def test_the_tolerances_that_a_refusal_names_suffice():
     """The velocity is large for a moment only, between the samples."""
-    problem = Problem(_van_der_pol, [2.0, 0.0], np.linspace(0.0, 2.0, 5), 1e-10)
+
+    def van_der_pol(t, y, args):
+        return jnp.stack([y[1], ((1.0 - y[0] ** 2) * y[1] - y[0]) / 1e-10])
+
+    problem = Problem(van_der_pol, [2.0, 0.0], np.linspace(0.0, 2.0, 5))
     with pytest.raises(ReferenceRefused, match="atol=") as refused:
         reference(problem)
     atol = str(refused.value).split("atol=[")[1].split("]")[0]
