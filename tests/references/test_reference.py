@@ -9,10 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from ropeode import reference
+from ropeode import each_reference, reference
 from ropeode.errors import InputError, ReferenceRefused
 from ropeode.norms import NORMS, distance
-from ropeode.problems import PROBLEMS, InextensibleRope, Problem, Rope
+from ropeode.problems import PROBLEMS, Ensemble, InextensibleRope, Problem, Rope
 from ropeode.references import (
     DOPRI8,
     KVAERNO5,
@@ -34,6 +34,7 @@ from tests.sampled import sampled
 from tests.verification.extrapolation import EPS, rope_solution
 
 EPS64 = np.finfo(np.float64).eps
+TS = np.linspace(0.0, 2.5, 6)
 
 
 @pytest.mark.parametrize("name", sampled(EXACT, fast=("kepler",)))
@@ -278,10 +279,84 @@ def test_a_constraint_that_does_not_hold_makes_the_bound_large():
     assert lenient.bounds["velocity"][-1] < 1e-7
 
 
+# Of many problems at a time: what each gets alone, whoever stands beside it.
+
+
+def grows(rate, y0=1.0):
+    """``y' = a sqrt(|y|)``, with ``y = (sqrt(y0) + a t / 2)^2``; from 0 it is not unique."""
+    return scalar("root", y0, TS, rate)
+
+
+def exact(problem):
+    return (np.sqrt(problem.y0[0]) + problem.args[1] * problem.ts / 2) ** 2
+
+
+RATES = (0.7, -0.6)
+REFUSED = 2
+
+
+@pytest.fixture(scope="module")
+def many():
+    return Ensemble.of([*map(grows, RATES), grows(0.5, y0=0.0)])
+
+
+@pytest.fixture(scope="module")
+def together(many):
+    return reference(many)
+
+
+def series(known):
+    return {
+        (w.role, w.tolerance): w.differences["state"].tobytes() for w in known.certificate.witnesses
+    }
+
+
+def test_each_member_has_the_states_that_it_has_alone(many, together):
+    assert len(together) == len(many)
+    with pytest.raises(ReferenceRefused) as alone:
+        reference(many[REFUSED])
+    assert str(together[REFUSED]) == str(alone.value)
+    for problem, member in zip(list(many)[:REFUSED], together[:REFUSED], strict=True):
+        alone = reference(problem)
+        assert member.problem is problem
+        assert member.states.tobytes() == alone.states.tobytes()
+        differing = set(series(member).items()) ^ set(series(alone).items())
+        assert {role for (role, _), _ in differing} <= {"independent", "more digits"}
+        assert_covered(member, exact(problem)[:, None])
+
+
+def test_a_member_does_not_depend_on_the_others(many, together):
+    found = list(each_reference(Ensemble.of(list(many)[1::-1]), workers=2))[::-1]
+    for once, again in zip(together, found, strict=False):
+        assert once.states.tobytes() == again.states.tobytes()
+        assert series(once) == series(again)
+        assert once.bound().tobytes() == again.bound().tobytes()
+
+
+def test_witnesses_can_be_made_again(together):
+    known = together[0]
+    ((_, run),) = witness_runs(known, roles=["independent"])
+    again = np.abs(run.states - known.states)[:, 0]
+    assert again.tobytes() == series(known)["independent", run.rtol]
+
+
+def test_a_jump_is_left_to_the_solver_that_stops_there():
+    jumps = [scalar("turns", y0, TS, 1.3, jump_times=[1.3]) for y0 in (1.0, 2.0)]
+    for member in reference(Ensemble.of(jumps)):
+        independent = [w for w in member.certificate.witnesses if w.role == "independent"]
+        assert [w.solver for w in independent] == [SCIPY_DOP853]
+        assert_covered(member, member.problem.y0[0] * np.exp(np.minimum(TS, 2.6 - TS)))
+
+
+@pytest.mark.parametrize("name", ["rtol", "workers"])
+def test_wrong_arguments_are_refused_before_anything_is_solved(many, name):
+    with pytest.raises(InputError, match=name):
+        each_reference(many, **{name: 0})
+
+
 # Between the samples.
 
 RANDOM = np.random.default_rng(7)
-TS = np.linspace(0.0, 2.5, 6)
 
 
 def random_times(known, count=400):

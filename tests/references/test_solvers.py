@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
-
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from ropeode.problems import Problem
 from ropeode.references import (
     DOPRI8,
     KVAERNO5,
@@ -16,6 +16,7 @@ from ropeode.references import (
     SCIPY_RADAU,
     solve,
 )
+from ropeode.references.solvers.dop853 import solve as solve_side_by_side
 from tests.references.scalar_problems import scalar
 from tests.sampled import sampled
 
@@ -73,22 +74,6 @@ def test_rounding_leaves_no_rest_of_a_frame():
     assert 5000 <= run.steps <= 5003
 
 
-@pytest.mark.parametrize(
-    "solver", [*EXPLICIT[:2], SCIPY_RADAU, pytest.param(KVAERNO5, marks=pytest.mark.slow)], ids=str
-)
-def test_steps_land_on_jumps(solver):
-    """Between two samples, and at one."""
-    rtol = 1e-12 if solver in EXPLICIT else 1e-9
-    for at in (1.3, 2.0):
-        problem = scalar("turns", 1.0, TS, at, jump_times=[at])
-        exact = np.exp(np.minimum(problem.ts, 2 * at - problem.ts))
-        run = solved(solver, problem, rtol)
-        np.testing.assert_allclose(run.states[:, 0], exact, rtol=30 * rtol)
-        if solver in EXPLICIT and at not in TS:
-            undeclared = solved(solver, dataclasses.replace(problem, jump_times=()), rtol)
-            assert run.steps < undeclared.steps
-
-
 def test_the_compiled_method_in_many_calls():
     """Between two calls, of 4096 steps at most, it reads the clock."""
     problem = scalar("follows", 0.0, 1.5e3 * np.array(TS), -3.0)
@@ -136,3 +121,59 @@ def test_the_budget_is_kept(solver):
     assert run.steps <= 4
     assert len(run.states) < len(TS)
     assert "step" in run.failure
+
+
+# Many problems side by side.
+
+
+def swing(t, y, args):
+    return jnp.stack([y[1], -args * jnp.sin(y[0])])
+
+
+def pendulums(count):
+    return [
+        Problem(swing, [0.1 + 2.0 * k / count, 0.0], np.linspace(0.0, 5.0, 6), args=1.0 + k)
+        for k in range(count)
+    ]
+
+
+def side_by_side(problems, rtols, max_steps=500):
+    atols = [rtol * problem.scale for rtol, problem in zip(rtols, problems, strict=True)]
+    return solve_side_by_side(problems, rtols, atols, max_steps=[max_steps] * len(problems))
+
+
+def test_it_is_scipys_method_but_for_rounding():
+    problems = pendulums(7)
+    for problem, run in zip(problems, side_by_side(problems, [1e-10] * 7), strict=True):
+        scipys = solve(problem, SCIPY_DOP853, 1e-10, 1e-10 * problem.scale, max_steps=1000)
+        assert run.failure is None
+        assert run.steps == scipys.steps
+        # Rounding of each step, grown by no more than a few.
+        np.testing.assert_allclose(run.states, scipys.states, rtol=0, atol=1e-13 * problem.scale)
+
+
+def test_lanes_do_not_feel_each_other():
+    """More problems than lanes, so that those that wait take the places of those that end."""
+    many = 140
+    problems, rtols = pendulums(many), np.logspace(-12, -4, many)
+
+    def states(order):
+        runs = side_by_side([problems[k] for k in order], rtols[order])
+        return {k: (run.states.tobytes(), run.steps) for k, run in zip(order, runs, strict=True)}
+
+    whole = states(list(range(many)))
+    assert states(np.random.default_rng(1).permutation(many).tolist()) == whole
+    for k in (0, many // 2, many - 1):
+        assert states([k]) == {k: whole[k]}
+
+
+def test_what_fails_says_where_and_holds_up_nobody():
+    # y' = a y^2, with y = y0/(1 - a y0 t), which has a pole.
+    problems = [scalar("square", 1.0, TS, a) for a in (0.3, 0.75, -1.0)]
+    limits = [1000, 10**5, 3]
+    fine, pole, short = solve_side_by_side(problems, [1e-10] * 3, [1e-10] * 3, max_steps=limits)
+    assert fine.failure is None
+    assert "t = 1.33" in str(pole.failure)
+    assert len(pole.states) == 4
+    assert "3 steps did not suffice" in str(short.failure)
+    assert short.steps == 3
