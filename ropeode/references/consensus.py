@@ -11,7 +11,6 @@ from ropeode.errors import ReferenceRefused
 from ropeode.norms import motion
 from ropeode.problems import Problem
 from ropeode.progress import Progress
-from ropeode.references.budget import Budget
 from ropeode.references.certificate import (
     SAFETY_FACTOR,
     Certificate,
@@ -26,13 +25,14 @@ from ropeode.references.certificate import (
     witness,
 )
 from ropeode.references.defect import look_between
-from ropeode.references.first_rung import first_rung
 from ropeode.references.hints import coarse_times, hints, unresolved_motion
 from ropeode.references.ladder import (
     EXPLICIT_SOLVERS,
     METHODS,
+    Budget,
     Method,
     climb,
+    first_rung,
     other_runs,
     recall,
     rough_path,

@@ -1,17 +1,17 @@
-"""The tolerance ladder: the same solver at tighter and tighter tolerances."""
+"""The solvers of a problem, the tolerance ladder, and the runs beside it."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from ropeode.errors import ReferenceRefused
 from ropeode.problems import Problem, free_coordinates
-from ropeode.references.budget import Budget
+from ropeode.progress import Progress, silent
 from ropeode.references.certificate import Role
 from ropeode.references.defect import Findings
 from ropeode.references.solvers.one_run import solve
@@ -53,6 +53,50 @@ _ROUGH, _ROUGH_STEPS = 1e-3, 2000
 _TIGHTEST_BESIDE_BDF = 1e-10
 # A ladder that needs more memory than this keeps the states of two rungs only.
 _MOST_BYTES_KEPT = 2**28
+# A run that has taken so many steps is looked at: is the problem stiff, does it get anywhere?
+_MOST_STEPS = 500_000
+# Of a large problem sooner: its steps take long.
+_MOST_STEPS_IF_LARGE = 10_000
+# Solving equations in each step has to be worth it: Kvaerno5 gets this part of Dopri8's steps.
+_IMPLICIT_PART = 10
+# A run is steady where the second half of its steps takes it this part of its way, or further.
+_STEADY = 0.25
+# Steps that a steady run may need beyond those expected.
+_SLACK = 1.5
+# The part of the time that is left for one of the two first runs.
+_SHARE = 0.25
+
+_NOT_SPARSE = (
+    f" If it is stiff: with more than {MOST_DENSE} unknowns implicit solvers are tried only where "
+    "the right-hand side is in JAX and its Jacobian sparse."
+)
+
+
+@dataclasses.dataclass(eq=False)
+class Budget:
+    """The time for all runs of one reference, counted as they are made.
+
+    Arguments:
+        scale: the absolute tolerance of each run, divided by its relative one: one number, or an
+            array of the state's shape.
+        seconds: that all runs may take together. Compiling does not count, so that what was
+            compiled before does not change a result.
+        progress: called before each run, with what it is.
+        samples: how many sample times the whole problem has. Programs are compiled for them, and
+            serve what is left of the problem where a run ends early.
+        spent: seconds that the runs have taken so far.
+    """
+
+    scale: Any
+    seconds: float = math.inf
+    progress: Progress = silent
+    samples: int = 0
+    spent: float = 0.0
+
+    @property
+    def left(self) -> float:
+        """Seconds that are left."""
+        return max(self.seconds - self.spent, 0.0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -131,6 +175,62 @@ def solve_primary(
     run = solve(problem, method.primary, rtol, atol, seconds=seconds, **more)
     budget.spent += run.seconds
     return run
+
+
+def first_rung(
+    problem: Problem, tolerances: Mapping[Method, Sequence[float]], budget: Budget
+) -> tuple[Method, Problem, Solution]:
+    """Choose the method, and run it at its loosest tolerance.
+
+    The explicit method is tried first. Where it spends its steps, the implicit one has a try, and
+    is chosen if it gets further in a tenth of them. Where neither arrives, the one that is chosen
+    goes on only if it makes steady progress: where a right-hand side jumps back and forth without
+    end, more steps are wasted. The implicit method of large problems is `SPARSE`; where their
+    Jacobian is not sparse, they are left to the explicit one.
+
+    Arguments:
+        problem: what to solve.
+        tolerances: of each method's ladder, from loose to tight.
+        budget: of the reference.
+
+    Returns:
+        The method, the problem up to the last sample that can be reached, and the run.
+
+    Raises:
+        ReferenceRefused: the time does not suffice for the first frame.
+    """
+
+    def run(problem: Problem, method: Method, steps: int, share: float = _SHARE) -> Solution:
+        return solve_primary(
+            problem, method, tolerances[method][0], budget, max_steps=steps, share=share
+        )
+
+    large = problem.y0.size > MOST_DENSE
+    most = min(step_budget(problem), _MOST_STEPS_IF_LARGE if large else _MOST_STEPS)
+    method, first = EXPLICIT_SOLVERS, run(problem, EXPLICIT_SOLVERS, most)
+    implicit = (
+        IMPLICIT_SOLVERS if not large else SPARSE if first.ran_out and _is_sparse(problem) else None
+    )
+    if first.ran_out and implicit is not None:
+        other = run(problem, implicit, most // _IMPLICIT_PART)
+        if other.reached > first.reached:
+            method, first = implicit, other
+    if first.ran_out:
+        start = problem.ts[0]
+        half = run(problem, method, first.steps // 2)
+        way = first.reached - start
+        if first.reached - half.reached > _STEADY * way:
+            problem = in_time(problem, first, 0, budget, "" if implicit else _NOT_SPARSE)
+            steps = _SLACK * first.steps * max((problem.ts[-1] - start) / way, 1.0)
+            first = run(problem, method, math.ceil(steps), share=1.0)
+    return method, problem.until(max(len(first.states), 2)), first
+
+
+def _is_sparse(problem: Problem) -> bool:
+    # Not above: it imports SciPy's solvers, which takes long.
+    from ropeode.references.solvers.scipy_solver import sparsity
+
+    return not problem.in_python and sparsity(problem) is not None
 
 
 def in_time(problem: Problem, run: Solution, rungs: int, budget: Budget, note: str = "") -> Problem:

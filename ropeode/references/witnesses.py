@@ -10,11 +10,11 @@ import numpy as np
 
 from ropeode.problems import Problem
 from ropeode.progress import Progress, silent
-from ropeode.references.budget import Budget
 from ropeode.references.certificate import Role
 from ropeode.references.defect import look_between
 from ropeode.references.ladder import (
     METHODS,
+    Budget,
     Method,
     independent_rtol,
     independent_steps,

@@ -13,8 +13,8 @@ from ropeode.progress import Progress, silent
 from ropeode.references.extended import heyoka
 from ropeode.references.extended.defects import Defects
 from ropeode.references.extended.translate import Translation, translate
-from ropeode.references.solvers.solution import Path
-from ropeode.references.solvers.stopwatch import Stopwatch
+from ropeode.references.solvers.solution import Path, Solution, Stopwatch
+from ropeode.references.solvers.solver import taylor
 from ropeode.validation import check_positive, check_whole
 
 # The significand of IEEE quadruple precision.
@@ -64,6 +64,20 @@ class ExtendedRun:
     def reached(self) -> int:
         """How many samples it has, the initial state included."""
         return len(self.states)
+
+    @property
+    def in_float64(self) -> Solution:
+        """The run as one in float64: its states are rounded."""
+        return Solution(
+            solver=taylor(self.precision),
+            rtol=self.tolerance,
+            atol=0.0,
+            states=self.rounded,
+            steps=self.steps,
+            seconds=self.seconds,
+            compile_seconds=self.compile_seconds,
+            failure=self.failure,
+        )
 
 
 def solve(
