@@ -33,17 +33,19 @@ from ropeode.references.ladder import (
     Method,
     climb,
     first_rung,
-    other_runs,
     recall,
-    rough_path,
-    short_steps,
-    solve_closely,
-    solve_independent,
-    solve_other,
 )
 from ropeode.references.options import ReferenceOptions
 from ropeode.references.reference import Reference
 from ropeode.references.solvers.solution import Solution
+from ropeode.references.witnesses import (
+    other_runs,
+    rough_path,
+    solve_beyond_float64,
+    solve_closely,
+    solve_independent,
+    solve_other,
+)
 
 TIGHTEST_RTOL = 1e-14
 _PACKAGES = ("ropeode", "diffrax", "jax", "jaxlib", "numpy", "scipy")
@@ -84,7 +86,11 @@ def consensus_reference(
 ) -> Reference:
     """A reference of level `consensus`, as `ropeode.reference` describes it and raises."""
     primary = primary_runs(problem, options, progress)
-    return certified(primary, independent_run(primary), options, _run_beyond_float64(primary))
+    independent, beyond = independent_run(primary), None
+    # Taylor series are an explicit method.
+    if primary.method is EXPLICIT_SOLVERS:
+        beyond = solve_beyond_float64(problem, primary.solved, primary.run, primary.budget)
+    return certified(primary, independent, options, beyond)
 
 
 def independent_run(primary: Primary) -> Solution:
@@ -92,17 +98,6 @@ def independent_run(primary: Primary) -> Solution:
     return solve_independent(
         primary.solved, primary.method, primary.next_tighter, primary.run, primary.budget
     )
-
-
-def _run_beyond_float64(primary: Primary) -> Solution | None:
-    """A run with more digits, where that is cheap; Taylor series are an explicit method."""
-    if primary.method is not EXPLICIT_SOLVERS:
-        return None
-    # Not above: heyoka is an extra.
-    from ropeode.references.extended.witness import run_beyond_float64
-
-    longest = short_steps(primary.problem, primary.solved.ts)
-    return run_beyond_float64(primary.solved, primary.run, longest, primary.budget.progress)
 
 
 def primary_runs(problem: Problem, options: ReferenceOptions, progress: Progress) -> Primary:

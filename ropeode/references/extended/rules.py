@@ -95,18 +95,6 @@ def on_each(function: Callable[..., Any]) -> Callable[..., np.ndarray]:
     return lambda params, *arrays: each(function, *arrays)
 
 
-def _integer_power(params: Params, base: np.ndarray) -> np.ndarray:
-    return each(lambda entry: whole_power(entry, params["y"]), base)
-
-
-def _reduce_sum(params: Params, array: np.ndarray) -> np.ndarray:
-    return _over_axes(total, array, params["axes"])
-
-
-def _reduce_product(params: Params, array: np.ndarray) -> np.ndarray:
-    return _over_axes(lambda row: _folded(multiply, row)[-1], array, params["axes"])
-
-
 def _over_axes(
     function: Callable[[Sequence[Any]], Any], array: np.ndarray, axes: Sequence[int]
 ) -> np.ndarray:
@@ -121,6 +109,10 @@ def _folded(function: Callable[[Any, Any], Any], row: Sequence[Any]) -> list[Any
     for entry in row[1:]:
         results.append(function(results[-1], entry))
     return results
+
+
+def _product(row: Sequence[Any]) -> Any:
+    return _folded(multiply, row)[-1]
 
 
 def _cumulative(function: Callable[[Any, Any], Any]) -> Callable[..., np.ndarray]:
@@ -167,9 +159,9 @@ def _reduce_precision(params: Params, array: np.ndarray) -> np.ndarray:
 
 RULES: dict[str, Callable[..., np.ndarray]] = {
     **{name: on_each(function) for name, function in (OF_ONE | OF_TWO).items()},
-    "integer_pow": _integer_power,
-    "reduce_sum": _reduce_sum,
-    "reduce_prod": _reduce_product,
+    "integer_pow": lambda params, base: each(lambda z: whole_power(z, params["y"]), base),
+    "reduce_sum": lambda params, array: _over_axes(total, array, params["axes"]),
+    "reduce_prod": lambda params, array: _over_axes(_product, array, params["axes"]),
     "polynomial": on_each(horner),
     "reduce_precision": _reduce_precision,
     "cumsum": _cumulative(add),

@@ -12,7 +12,7 @@ from ropeode.errors import InputError
 from ropeode.files import check_suffix, write_whole
 from ropeode.problems import PROBLEMS, NoEquations, Problem
 from ropeode.references.certificate import Certificate
-from ropeode.references.files.checksum import verify_checksum, with_checksum
+from ropeode.references.files.checksum import unusable, verify_checksum, with_checksum
 from ropeode.references.files.contents import Description, parsed
 from ropeode.references.files.encoding import (
     ROPE_ARRAYS,
@@ -169,8 +169,7 @@ def stored_facts(path: str | Path) -> Facts:
 
 
 def _not_a_reference(path: Path, why: ValueError) -> InputError:
-    allowed, fix = f"a file that holds a reference ({why})", "write it again, or download it again"
-    return bad_value("reference", str(path), allowed, fix)
+    return unusable(path, f"a file that holds a reference ({why})")
 
 
 def _without_equations(facts: Facts) -> Problem:
