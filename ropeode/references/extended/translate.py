@@ -13,13 +13,7 @@ import numpy as np
 from ropeode.precision import in_float64
 from ropeode.problems import Problem
 from ropeode.references.extended import heyoka, rules
-from ropeode.references.extended.entries import (
-    OF_ONE,
-    OF_ONE_COMPLEX,
-    constants,
-    floats,
-    objects,
-)
+from ropeode.references.extended.entries import OF_ONE, OF_ONE_COMPLEX, constants, floats, objects
 from ropeode.references.extended.guards import Guards, chooses, just_after, looked_at, traced_once
 from ropeode.references.extended.jaxprs import Value, bind, is_complex, is_float, refuse, walk
 

@@ -19,9 +19,8 @@ from ropeode.references.files.encoding import (
     SCHEMA,
     arrays_of,
     certificate_from,
-    dense_from,
     probed,
-    states_from,
+    restored,
     texts_of,
 )
 from ropeode.references.reference import Reference
@@ -102,11 +101,9 @@ def reference_from(facts: Facts, problem: Problem | None = None) -> Reference:
     else:
         _check_same(facts.path, problem, facts.problem, facts.numbers)
     try:
-        states = states_from(problem, facts.problem.samples, facts.numbers)
-        dense = dense_from(problem, facts.numbers)
+        return restored(problem, facts.problem.samples, facts.certificate, facts.numbers)
     except ValueError as error:
         raise _not_a_reference(facts.path, error) from error
-    return Reference(problem=problem, states=states, certificate=facts.certificate, dense=dense)
 
 
 def _of_the_library(facts: Facts) -> Problem | None:

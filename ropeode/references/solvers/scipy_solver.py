@@ -20,11 +20,7 @@ from ropeode.problems import Problem, PythonRhs, random_states
 from ropeode.references.solvers.family import Family, abstract
 from ropeode.references.solvers.rounding import change_if_asked
 from ropeode.references.solvers.solution import Path, Solution, Stopwatch, finite_samples
-from ropeode.references.solvers.solver import (
-    MOST_DENSE,
-    SCIPY_BDF,
-    Solver,
-)
+from ropeode.references.solvers.solver import MOST_DENSE, SCIPY_BDF, Solver
 from ropeode.validation import shortly
 
 # SciPy warns about tolerances below 100 units of rounding and takes that.
