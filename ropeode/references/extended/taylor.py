@@ -37,7 +37,6 @@ class ExtendedRun:
         steps: how many.
         seconds: to run.
         compile_seconds: to translate and compile.
-        choices: primitives that chose a branch by the state, and kept it.
         failure: why it did not reach the last sample time; None if it did.
         path: its steps, each in a few parts short enough to be looked into, in float64; only if
             the run is looked into, as are the defects.
@@ -50,7 +49,6 @@ class ExtendedRun:
     steps: int
     seconds: float = dataclasses.field(compare=False)
     compile_seconds: float = dataclasses.field(compare=False)
-    choices: tuple[str, ...] = ()
     failure: str | None = None
     path: Path | None = None
     defects: Defects | None = dataclasses.field(default=None, compare=False)
@@ -151,7 +149,6 @@ def solve(
         steps=run.steps,
         seconds=run.seconds,
         compile_seconds=run.compile_seconds,
-        choices=tuple(sorted(run.choices)),
         failure=run.failure,
         path=run.path() if looked_into else None,
         defects=run.defects,
@@ -175,7 +172,6 @@ class _Run:
     steps: int = 0
     seconds: float = 0.0
     compile_seconds: float = 0.0
-    choices: set[str] = dataclasses.field(default_factory=set)
     failure: str | None = None
 
     def __post_init__(self) -> None:
@@ -204,7 +200,6 @@ class _Run:
         library, shape = heyoka(), self.problem.y0.shape
         rounded = state.astype(np.float64).reshape(shape)
         translation = translate(self.problem, self.precision, t=start, y=rounded)
-        self.choices.update(translation.guards.names)
         taylor = library.taylor_adaptive(
             translation.system,
             state,
