@@ -169,7 +169,7 @@ def test_lanes_do_not_feel_each_other():
 
 def test_what_fails_says_where_and_holds_up_nobody():
     # y' = a y^2, with y = y0/(1 - a y0 t), which has a pole.
-    problems = [scalar("square", 1.0, TS, a) for a in (0.3, 0.75, -1.0)]
+    problems = [scalar("square", 1.0, np.linspace(0.0, 2.0, 6), a) for a in (0.3, 0.75, -1.0)]
     limits = [1000, 10**5, 3]
     fine, pole, short = solve_side_by_side(problems, [1e-10] * 3, [1e-10] * 3, max_steps=limits)
     assert fine.failure is None
