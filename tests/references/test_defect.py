@@ -195,22 +195,18 @@ def test_where_one_needle_was_hit_there_may_be_others():
         reference(turn(1e-3, equation=_needles, ts=ts), accuracy=1e-3)
 
 
-# Of a few thousandths of the state: where tolerances are loose, the path must be nearer.
-DEEP, FLAT = (-345.0, 3.9357, 3.9367, 2.5, 1.0), (90.0, 2.2, 2.204, 2.5, 1.0)
 # A node hits it, and spoils the polynomial of its step: all is off it but the window itself.
 WINDOW, RATES = (1.2089052726877827, 1.2089872370944925), (0.44646090280592166, 0.807577811618335)
 AT_A_NODE = (61286.55863275827, *WINDOW, *RATES)
-SLOW = pytest.mark.slow
 
 
 @as_for_users
 @pytest.mark.parametrize(
     ("numbers", "span", "y0", "rtol"),
     [
-        (DEEP, 0.74, -0.4, 1e-6),
-        (FLAT, 0.74, -0.4, 1e-6),
-        pytest.param(DEEP, 0.74, -0.4, 1e-4, marks=SLOW),
-        pytest.param(FLAT, 0.74, -0.4, 1e-4, marks=SLOW),
+        # Of a few thousandths of the state: where tolerances are loose, the path must be nearer.
+        ((-345.0, 3.9357, 3.9367, 2.5, 1.0), 0.74, -0.4, 1e-6),
+        ((90.0, 2.2, 2.204, 2.5, 1.0), 0.74, -0.4, 1e-4),
         (AT_A_NODE, 2.0084368246778497, -1.0793797669842606, None),
     ],
 )
