@@ -29,7 +29,7 @@ from ropeode import Problem, Rope, each_reference, reference
 from ropeode.norms import distance, norm_for
 from ropeode.problems import Ensemble
 from ropeode.references import DOPRI8, KVAERNO5
-from ropeode.references.solvers import diffrax_solver, program_cache
+from ropeode.references.solvers import diffrax_solver
 from ropeode.threads import cores
 
 
@@ -111,7 +111,7 @@ def main() -> None:
     known = reference(problem)
     first = diffrax_solver.solve(problem, KVAERNO5, 1e-6, 1e-4, max_steps=10)
     del first
-    program_cache._compiled.cache_clear()
+    diffrax_solver._compiled.cache_clear()
     compiled = diffrax_solver.solve(problem, DOPRI8, 1e-6, 1e-4, max_steps=10**6)
     print(f"Default rope, {given.frames} frames; truth: bound {known.bound()[-1]:.1e}.")
     print(f"ropeode compiles for {compiled.compile_seconds:.2f} s, once.")

@@ -22,7 +22,7 @@ from .files.library import entries as entries
 from .files.library import find as find
 from .files.library import folder as folder
 from .files.library import load as load
-from .files.recipes import read_recipe as read_recipe
+from .files.library import read_recipe as read_recipe
 from .files.store import Facts as Facts
 from .files.store import check_reference_path as check_reference_path
 from .files.store import load_reference as load_reference
@@ -51,6 +51,7 @@ from .solvers.diffrax_counts import explicit_evaluations as explicit_evaluations
 from .solvers.one_run import solve as solve
 from .solvers.scipy_solver import functions_of as functions_of
 from .solvers.solution import Solution as Solution
+from .solvers.solution import Stopwatch as Stopwatch
 from .solvers.solution import finite_samples as finite_samples
 from .solvers.solver import DOPRI8 as DOPRI8
 from .solvers.solver import KVAERNO5 as KVAERNO5
@@ -60,7 +61,6 @@ from .solvers.solver import SCIPY_DOP853 as SCIPY_DOP853
 from .solvers.solver import SCIPY_RADAU as SCIPY_RADAU
 from .solvers.solver import Solver as Solver
 from .solvers.solver import taylor as taylor
-from .solvers.stopwatch import Stopwatch as Stopwatch
 from .witnesses import budget_of as budget_of
 from .witnesses import primary_solution as primary_solution
 from .witnesses import witness_runs as witness_runs

@@ -11,7 +11,6 @@ from ropeode.errors import ReferenceRefused
 from ropeode.norms import motion
 from ropeode.problems import Problem
 from ropeode.progress import Progress
-from ropeode.references.budget import Budget
 from ropeode.references.certificate import (
     SAFETY_FACTOR,
     Certificate,
@@ -26,24 +25,27 @@ from ropeode.references.certificate import (
     witness,
 )
 from ropeode.references.defect import look_between
-from ropeode.references.first_rung import first_rung
 from ropeode.references.hints import coarse_times, hints, unresolved_motion
 from ropeode.references.ladder import (
     EXPLICIT_SOLVERS,
     METHODS,
+    Budget,
     Method,
     climb,
-    other_runs,
+    first_rung,
     recall,
-    rough_path,
-    short_steps,
-    solve_closely,
-    solve_independent,
-    solve_other,
 )
 from ropeode.references.options import ReferenceOptions
 from ropeode.references.reference import Reference
 from ropeode.references.solvers.solution import Solution
+from ropeode.references.witnesses import (
+    other_runs,
+    rough_path,
+    solve_beyond_float64,
+    solve_closely,
+    solve_independent,
+    solve_other,
+)
 
 TIGHTEST_RTOL = 1e-14
 _PACKAGES = ("ropeode", "diffrax", "jax", "jaxlib", "numpy", "scipy")
@@ -84,7 +86,11 @@ def consensus_reference(
 ) -> Reference:
     """A reference of level `consensus`, as `ropeode.reference` describes it and raises."""
     primary = primary_runs(problem, options, progress)
-    return certified(primary, independent_run(primary), options, _run_beyond_float64(primary))
+    independent, beyond = independent_run(primary), None
+    # Taylor series are an explicit method.
+    if primary.method is EXPLICIT_SOLVERS:
+        beyond = solve_beyond_float64(problem, primary.solved, primary.run, primary.budget)
+    return certified(primary, independent, options, beyond)
 
 
 def independent_run(primary: Primary) -> Solution:
@@ -92,17 +98,6 @@ def independent_run(primary: Primary) -> Solution:
     return solve_independent(
         primary.solved, primary.method, primary.next_tighter, primary.run, primary.budget
     )
-
-
-def _run_beyond_float64(primary: Primary) -> Solution | None:
-    """A run with more digits, where that is cheap; Taylor series are an explicit method."""
-    if primary.method is not EXPLICIT_SOLVERS:
-        return None
-    # Not above: heyoka is an extra.
-    from ropeode.references.extended.witness import run_beyond_float64
-
-    longest = short_steps(primary.problem, primary.solved.ts)
-    return run_beyond_float64(primary.solved, primary.run, longest, primary.budget.progress)
 
 
 def primary_runs(problem: Problem, options: ReferenceOptions, progress: Progress) -> Primary:

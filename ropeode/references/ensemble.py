@@ -12,10 +12,11 @@ from ropeode.errors import ReferenceRefused
 from ropeode.problems import Ensemble, Problem, without_memory
 from ropeode.progress import Progress, silent
 from ropeode.references.consensus import Primary, certified, independent_run, primary_runs
-from ropeode.references.ladder import EXPLICIT_SOLVERS, independent_rtol, independent_steps
+from ropeode.references.ladder import EXPLICIT_SOLVERS
 from ropeode.references.options import ReferenceOptions
 from ropeode.references.reference import Reference
 from ropeode.references.solvers.solution import Solution
+from ropeode.references.witnesses import independent_rtol, independent_steps
 from ropeode.threads import threads
 
 # Members that a thread takes on at a time.

@@ -14,13 +14,7 @@ from ropeode import cache
 from ropeode.cache import described
 from ropeode.problems import Problem
 from ropeode.references.files.contents import parsed
-from ropeode.references.files.encoding import (
-    arrays_of,
-    certificate_from,
-    dense_from,
-    states_from,
-    texts_of,
-)
+from ropeode.references.files.encoding import arrays_of, certificate_from, restored, texts_of
 from ropeode.references.options import ReferenceOptions
 from ropeode.references.reference import Reference
 
@@ -59,12 +53,8 @@ def _read(contents: bytes, problem: Problem) -> Reference:
         numbers = dict(file)
     texts = json.loads(numbers.pop("texts").tobytes())
     description, claims = parsed(texts, numbers)
-    return Reference(
-        problem=problem,
-        states=states_from(problem, description.samples, numbers),
-        certificate=certificate_from(description, claims, numbers),
-        dense=dense_from(problem, numbers),
-    )
+    certificate = certificate_from(description, claims, numbers)
+    return restored(problem, description.samples, certificate, numbers)
 
 
 def _contents(reference: Reference) -> bytes | None:

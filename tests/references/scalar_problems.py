@@ -15,30 +15,21 @@ from ropeode.problems import Problem
 SAMPLES = 6
 
 
-def _saw(t, y, number):
-    return jnp.where(t < 0.37, 1.0, jnp.where(t < 2.0, -2.0, 5.0)) - 0.5 * y
-
-
-def _pulse(t, y, width):
-    return 1.0 - y + 0.5 * jnp.exp(-(((t - 3.3) / width) ** 2))
+def _pulse(t, y, width, height=0.5):
+    return 1.0 - y + height * jnp.exp(-(((t - 3.3) / width) ** 2))
 
 
 EQUATIONS = {
     "decay": lambda t, y, rate: -rate * y,
     "logistic": lambda t, y, number: y * (1 - y),
     "square": lambda t, y, rate: rate * y * y,
-    "tan": lambda t, y, rate: rate * (1.0 + y * y),
     "root": lambda t, y, rate: rate * jnp.sqrt(jnp.abs(y)),
-    "sign": lambda t, y, number: -jnp.sign(y),
     "root of what is left": lambda t, y, number: jnp.sqrt(1.0 - t) + 0.0 * y,
     # The state rounded to the 24 bits of a float32, by Veltkamp's splitting.
     "24 bits": lambda t, y, rate: -rate * ((2.0**29 + 1) * y - ((2.0**29 + 1) * y - y)),
     "pulse": _pulse,
     # Its area is 1, however narrow it is.
-    "tall pulse": lambda t, y, width: (
-        1.0 - y + jnp.exp(-(((t - 3.3) / width) ** 2)) / (width * jnp.sqrt(jnp.pi))
-    ),
-    "saw": _saw,
+    "tall pulse": lambda t, y, width: _pulse(t, y, width, 1.0 / (width * jnp.sqrt(jnp.pi))),
     "turns": lambda t, y, at: jnp.where(t <= at, y, -y),
     # sin t, from 0 on: stiff where the rate is far below zero, unstable where it is above.
     "follows": lambda t, y, rate: rate * (y - jnp.sin(t)) + jnp.cos(t),

@@ -13,7 +13,7 @@ from ropeode.references import SCIPY_DOP853, solve
 from ropeode.references.defect import look_between
 from tests.references.covered import assert_covered, covered
 
-pytestmark = pytest.mark.usefixtures("looked_at_as_for_users")
+as_for_users = pytest.mark.usefixtures("looked_at_as_for_users")
 
 TS = np.linspace(0.0, 10.0, 6)
 # Of a state that is found to be right to some units of rounding.
@@ -76,6 +76,7 @@ def path():
     return run.path
 
 
+@as_for_users
 def test_nothing_is_found_in_what_is_smooth(path):
     found = look_between(turn(), path, BOUNDS)
     assert found.sampling.times >= 2**20
@@ -83,10 +84,11 @@ def test_nothing_is_found_in_what_is_smooth(path):
     assert len(found.times) == len(found.stops) == 0
 
 
+@as_for_users
 def test_what_lasts_longer_than_the_spacing_is_found_wherever_it_is(path):
     width = 1.001 * look_between(turn(), path, BOUNDS).sampling.spacing
     random = np.random.default_rng(3)
-    places = [*random.uniform(0.0, 10.0 - width, 5), 1e-9, 10.0 - 1.001 * width, TS[2] - width / 2]
+    places = [*random.uniform(0.0, 10.0 - width, 3), 1e-9, 10.0 - 1.001 * width, TS[2] - width / 2]
     for start in places:
         found = look_between(turn(1e-3, start, start + width), path, BOUNDS)
         # Two, where it is in two steps.
@@ -98,13 +100,16 @@ def test_what_lasts_longer_than_the_spacing_is_found_wherever_it_is(path):
             assert np.sum(np.abs(found.stops - at) < width) > 3
 
 
-def test_what_is_small_is_found_too(path):
+def test_what_is_small_is_found_too_but_what_the_bound_covers_is_left_alone(path):
     """Far above rounding, and adding a thousand times what is negligible."""
     found = look_between(turn(1e-9, 3.3, 3.301), path, BOUNDS)
     assert 1 <= len(found.times) <= 2
     assert np.all((found.times > 3.3) & (found.times < 3.301))
+    covering = {"state": np.full(len(TS), 1e-9)}
+    assert len(look_between(turn(1e-9, 3.3, 3.301), path, covering).times) == 0
 
 
+@as_for_users
 def test_what_is_negligible_in_each_step_may_not_be_together(path):
     """Three crossings of a level, each of which adds the same."""
     crossed, bound = turn(level=0.3, width=1e-3), 1e-6
@@ -126,15 +131,9 @@ def test_a_run_stops_at_a_node_that_was_hit(path):
 
 def test_what_depends_on_the_state_is_found(path):
     for level in (0.3, -0.8, 1.0):
-        found = look_between(turn(level=level, width=1e-5), path, BOUNDS)
+        found = look_between(turn(level=level, width=2e-4), path, BOUNDS)
         crossings = np.sum(np.diff(np.sign(path.states[:, 1] - level)) != 0)
         assert len(found.times) == crossings > 0
-
-
-def test_what_is_less_than_the_bound_is_left_alone(path):
-    brief = turn(1.0, 3.3, 3.3 + 1e-4)
-    assert len(look_between(brief, path, BOUNDS).times) == 1
-    assert len(look_between(brief, path, {"state": np.full(len(TS), 0.1)}).times) == 0
 
 
 def pushed(start, end):
@@ -145,6 +144,7 @@ def pushed(start, end):
     return np.stack(free, axis=1) + np.where(t[:, None] > end, np.stack(pulse, axis=1), 0.0)
 
 
+@as_for_users
 def test_the_certificate_says_what_was_seen():
     start, width = 5.3, 2e-5
     known = reference(turn(1.0, start, start + width))
@@ -163,6 +163,7 @@ def test_the_certificate_says_what_was_seen():
     assert 0.5 * width < missed[-1] <= told.bound()[-1] < 5 * width
 
 
+@as_for_users
 def test_a_hole_in_the_right_hand_side_is_not_trusted():
     known = reference(turn(np.nan, 5.3, 5.3 + 2e-5))
     assert known.horizon == 6.0
@@ -171,18 +172,22 @@ def test_a_hole_in_the_right_hand_side_is_not_trusted():
     assert reference(turn(equation=_roots, y0=[1.0, 1.5], ts=ts)).horizon is None
 
 
+@as_for_users
 def test_a_member_of_an_ensemble_is_looked_at_like_any_problem():
     kicked = turn(1.0, 5.3, 5.3 + 2e-5)
-    members = reference(Ensemble.of([turn(), kicked, turn(level=0.6)]))
-    assert [member.horizon for member in members] == [None, 6.0, None]
+    members = reference(Ensemble.of([turn(), kicked]))
+    assert [member.horizon for member in members] == [None, 6.0]
     assert all(member.certificate.sampling.times > 2**20 for member in members)
 
 
 def test_times_are_never_on_a_jump():
     holes = turn(0.0, 2.5, 6.0, equation=_holes, jump_times=[2.5, 6.0])
-    assert reference(holes).horizon is None
+    run = solve(holes, SCIPY_DOP853, 1e-13, 1e-13, max_steps=1000)
+    assert run.failure is None
+    assert len(look_between(holes, run.path, BOUNDS).times) == 0
 
 
+@as_for_users
 def test_where_one_needle_was_hit_there_may_be_others():
     """Of many needles a tenth is hit; what they do together is not what was seen."""
     ts = np.linspace(0.0, 2.5, 6)
@@ -190,20 +195,28 @@ def test_where_one_needle_was_hit_there_may_be_others():
         reference(turn(1e-3, equation=_needles, ts=ts), accuracy=1e-3)
 
 
-def check_growing(numbers, span, y0, **options):
+# A node hits it, and spoils the polynomial of its step: all is off it but the window itself.
+WINDOW, RATES = (1.2089052726877827, 1.2089872370944925), (0.44646090280592166, 0.807577811618335)
+AT_A_NODE = (61286.55863275827, *WINDOW, *RATES)
+
+
+@as_for_users
+@pytest.mark.parametrize(
+    ("numbers", "span", "y0", "rtol"),
+    [
+        # Of a few thousandths of the state: where tolerances are loose, the path must be nearer.
+        ((-345.0, 3.9357, 3.9367, 2.5, 1.0), 0.74, -0.4, 1e-6),
+        ((90.0, 2.2, 2.204, 2.5, 1.0), 0.74, -0.4, 1e-4),
+        (AT_A_NODE, 2.0084368246778497, -1.0793797669842606, None),
+    ],
+)
+def test_windows_in_the_state_are_found(numbers, span, y0, rtol):
     """The bound covers what `_grows` does to both numbers, or there is none."""
     height, low, high, rate, own = numbers
     late = np.exp(own * (span - np.log([low, high]) / rate))
     end = y0 * np.exp(own * span) + height / own * (late[0] - late[1])
     problem = turn(*numbers, equation=_grows, y0=[1.0, y0], ts=[0.0, span])
-    covered(problem, np.array([[1.0, y0], [np.exp(rate * span), end]]), **options)
-
-
-@pytest.mark.parametrize("rtol", [1e-6, pytest.param(1e-4, marks=pytest.mark.slow)])
-def test_windows_in_the_state_are_found_where_tolerances_are_loose(rtol):
-    """A window of a few thousandths of the state: the path must be nearer to the solution."""
-    for height, low, width in ((-345.0, 3.9357, 1e-3), (90.0, 2.2, 4e-3)):
-        check_growing((height, low, low + width, 2.5, 1.0), 0.74, -0.4, rtol=rtol)
+    covered(problem, np.array([[1.0, y0], [np.exp(rate * span), end]]), rtol=rtol)
 
 
 def test_motion_between_the_samples_counts():
@@ -213,18 +226,12 @@ def test_motion_between_the_samples_counts():
     assert known.certificate.accuracy == pytest.approx(2.118e-8, rel=0.01)
 
 
-def test_a_window_that_a_node_hits_is_found():
-    """It spoils the polynomial of its step, so that all is off it but the window itself."""
-    window = (1.2089052726877827, 1.2089872370944925)
-    numbers = (61286.55863275827, *window, 0.44646090280592166, 0.807577811618335)
-    check_growing(numbers, 2.0084368246778497, -1.0793797669842606)
-
-
 def _clock(t, y, args):
     rate, start = args
     return jnp.stack([jnp.ones(()), rate * jnp.cos(rate * (y[0] - start))])
 
 
+@as_for_users
 @pytest.mark.parametrize(
     ("clock", "rate", "span", "rtol"),
     [
@@ -239,23 +246,17 @@ def test_what_changes_between_two_numbers_of_the_state_is_not_known(clock, rate,
     covered(problem, np.stack(exact, axis=1), rtol=rtol)
 
 
-def _disc_on_the_way(t, x, v, args):
-    """The path is (t, t^4), and a soft disc lies on it."""
-    centre, radius = args
-    push = jnp.maximum(0.0, 1.0 - jnp.sum((x - centre) ** 2) / radius**2)
-    return jnp.stack([jnp.zeros(()), 12.0 * t**2 + 1e4 * push])[None]
-
-
 @pytest.mark.slow
 def test_a_body_on_a_curved_path_is_met():
     """Steps are so long that a cubic between their ends is a hundred radii beside the disc."""
+
+    def disc_on_the_way(t, x, v, radius):
+        # The path is (t, t^4), and a soft disc lies on it.
+        away = jnp.sum((x - jnp.array([at, at**4])) ** 2)
+        push = jnp.maximum(0.0, 1.0 - away / radius**2)
+        return jnp.stack([jnp.zeros(()), 12.0 * t**2 + 1e4 * push])[None]
+
     at = 0.3871
-    problem = Problem.second_order(
-        _disc_on_the_way,
-        [[0.0, 0.0]],
-        [[1.0, 0.0]],
-        [0.0, 1.0],
-        (np.array([at, at**4]), 1e-5),
-    )
+    start = [[0.0, 0.0]], [[1.0, 0.0]]
     with pytest.raises(ReferenceRefused, match="near t = 0.387"):
-        reference(problem)
+        reference(Problem.second_order(disc_on_the_way, *start, [0.0, 1.0], 1e-5))

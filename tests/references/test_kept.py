@@ -43,7 +43,7 @@ def test_what_differs_has_another(folder):
     changed = swing()
     right = changed.rhs
     for problem, options in (
-        (swing(), ReferenceOptions(time_limit=99.0)),
+        (swing(), ReferenceOptions(rtol=1e-6)),
         (swing(x0=1.1), ReferenceOptions()),
         # Parameters of the library are no evidence of the equation.
         (changed.changed(rhs=lambda t, y, args: 1.001 * right(t, y, args)), ReferenceOptions()),

@@ -42,43 +42,32 @@ def steps_of(known):
     return known.certificate.steps + sum(each.steps for each in known.certificate.witnesses)
 
 
-@pytest.mark.parametrize(
-    ("name", "y0", "number", "pole", "exact"),
-    [
-        ("square", 1.0, 1.1, 1 / 1.1, lambda t: 1 / (1 - 1.1 * t)),
-        ("square", 1.0, 0.7, 1 / 0.7, lambda t: 1 / (1 - 0.7 * t)),
-        ("tan", 0.0, 1.0, np.pi / 2, np.tan),
-    ],
-)
-def test_a_pole_ends_the_horizon_after_few_steps(name, y0, number, pole, exact):
-    known = reference(scalar(name, y0, TS, number))
+def test_a_pole_ends_the_horizon_after_few_steps():
+    pole = 1 / 1.1
+    known = reference(scalar("square", 1.0, TS, 1.1))
     assert known.trusted == np.sum(pole > TS)
     assert known.horizon == TS[known.trusted]
     assert "step size has become too small" in known.certificate.horizon_reason
     assert f"t = {pole:g}" in known.certificate.horizon_reason
     assert steps_of(known) < 20_000
-    assert_covered(known, exact(TS))
+    assert_covered(known, 1 / (1 - 1.1 * TS))
 
 
-@pytest.mark.parametrize(
-    ("equation", "y0", "words", "runs"),
-    [
-        pytest.param("square", 4.0, "t = 0.25: the step size has become too small", 1, id="pole"),
-        pytest.param("root", 0.0, "", 13, id="not unique"),
-    ],
-)
-def test_what_has_no_solution_is_refused_soon(equation, y0, words, runs):
+def test_what_has_no_solution_is_refused_soon():
     """A solver that is stuck uses up its steps, and nobody tries all tolerances with it."""
-    said, refusal = said_by(scalar(equation, y0, TS))
-    assert f"no reference for '{equation}'" in str(refusal)
-    assert words in str(refusal)
-    assert len(said) <= runs
+    said, refusal = said_by(scalar("square", 4.0, TS))
+    assert "for 'square': " in str(refusal)
+    assert "t = 0.25: the step size has become too small" in str(refusal)
+    assert len(said) == 1
+    said, refusal = said_by(scalar("root", 0.0, TS))
+    assert "no reference for 'root'" in str(refusal)
+    assert len(said) <= 13
 
 
 @pytest.mark.slow
 def test_where_it_chatters_no_run_but_the_first_tries_to_go_on():
     """y' = -sign(y) comes to zero at 1.6, and jumps back and forth from then on."""
-    said, known = said_by(scalar("sign", 1.6, TS))
+    said, known = said_by(Problem(lambda t, y, args: -jnp.sign(y), [1.6], TS))
     assert known.trusted == np.sum(TS < 1.6)
     # Twice the explicit solver, the implicit one, and then only up to the last sample.
     assert len(said) <= 16
@@ -115,34 +104,40 @@ def test_large_times_are_said_to_be_coarse():
     with pytest.raises(ReferenceRefused, match="1.2e-07 apart.*let t start at 0") as refused:
         reference(problem, accuracy=1e-12)
     assert str(refused.value).count("apart") == 1
-    for start, length in ((0.0, 1e-9), (1e6, 1e3), (-1e9, 1e6)):
-        fine = scalar("decay", 1.0, start + np.linspace(0.0, length, 6), 1.0 / length)
-        assert remarks(reference(fine)) == ()
-    late = scalar("decay", 1.0, 1e9 + 1e-3 * np.arange(6))
-    assert ["let t start at 0" in remark for remark in remarks(reference(late))] == [True]
-    growing = scalar("decay", 1.0, np.array([0.0, 1e-9, 1.0, 1e4, 1e8, 1e11]), 1e-11)
-    assert remarks(reference(growing)) == ()
-    near = scalar("decay", 1.0, np.array([0.0, 1.0, 2.0, 3.0, 1e11, 1e11 + 1.0]), 1e-11)
-    (remark,) = remarks(reference(near))
-    assert "samples that are further apart" in remark
+
+
+@pytest.mark.parametrize(
+    ("ts", "words"),
+    [
+        (1e6 + np.linspace(0.0, 1e3, 6), None),
+        ([0.0, 1e-9, 1.0, 1e4, 1e8, 1e11], None),
+        (1e9 + 1e-3 * np.arange(6), "let t start at 0"),
+        ([0.0, 1.0, 2.0, 3.0, 1e11, 1e11 + 1.0], "samples that are further apart"),
+    ],
+)
+def test_samples_in_coarse_times_are_remarked(ts, words):
+    said = remarks(reference(scalar("decay", 1.0, np.array(ts), min(1.0, 1.0 / np.ptp(ts)))))
+    assert [words in remark for remark in said] == ([True] if words else [])
 
 
 def decays(t, y, args):
     return -jnp.array([1.0, 0.01]) * y
 
 
-@pytest.mark.parametrize(
-    ("y0", "options", "told"),
-    [
-        ([1e3, 1e-6], {}, True),
-        ([1e3, 1.0], {}, False),
-        ([1e3, 1e-6], {"atol": [1e-10, 1e-19]}, False),
-        ([1e3, 0.0], {}, False),
-    ],
-)
-def test_components_of_different_size_are_named(y0, options, told):
-    _, refusal = said_by(Problem(decays, y0, [0.0, 1.0, 2.0]), accuracy=1e-30, **options)
-    assert ("from 1.0e-06 to 1.0e+03" in str(refusal)) == told
+def test_components_of_different_size_are_named():
+    for y0, atol, told in (
+        ([1e3, 1e-6], None, True),
+        ([1e3, 1.0], None, False),
+        ([1e3, 1e-6], [1e-10, 1e-19], False),
+        ([1e3, 0.0], None, False),
+    ):
+        _, refusal = said_by(Problem(decays, y0, [0.0, 1.0, 2.0]), accuracy=1e-30, atol=atol)
+        assert ("from 1.0e-06 to 1.0e+03" in str(refusal)) == told
+    # A component may be lost under the bound, too.
+    (remark,) = remarks(reference(Problem(decays, [1.0, 1.0], [0.0, 20.0, 30.0])))
+    assert "number 0 (" in remark
+    assert "number 1 (" not in remark
+    assert "atol" in remark
 
 
 def test_each_component_may_have_its_tolerance():
@@ -160,27 +155,20 @@ def test_each_component_may_have_its_tolerance():
     )
 
 
-EXTENDED = {"level": "extended"}
-
-
 @pytest.mark.parametrize(
     ("options", "words"),
     [
         ({"accuracy": 0}, "accuracy: 0 given; allowed: a finite number > 0"),
-        ({"accuracy": "fine"}, "accuracy: 'fine' given"),
         ({"rtol": 1e-15}, "rtol: 1e-15 given; allowed: from 1e-13"),
-        ({"rtol": np.nan}, "rtol: nan given"),
-        ({"atol": -1e-8}, "atol: -1e-08 given"),
         ({"atol": np.inf}, "atol: inf given; .* Fix: for example 1e-20"),
         ({"atol": {"x": 1.0}}, "atol: {'x': 1.0} given; .* one number for each component"),
         ({"atol": [1e-8, 0.0]}, "atol: .*finite numbers > 0"),
         ({"atol": [1e-8, 1e-9]}, "atol.*one number, or an array of the state's shape"),
         ({"atol": 1e300}, r"atol: 1e\+300 given; .* finite when divided by rtol"),
-        ({"time_limit": -1}, "time_limit: -1 given"),
         ({"level": "exact"}, "level: 'exact' given"),
-        ({"rtol": 1e-9, **EXTENDED}, "rtol: .* none with level 'extended'"),
-        ({"atol": 1e-20, **EXTENDED}, "atol: .* none with level 'extended'"),
-        ({"digits": 301, **EXTENDED}, "digits: 301 given; .* whole number from 1 to 300"),
+        ({"level": "extended", "rtol": 1e-9}, "rtol: .* none with level 'extended'"),
+        ({"level": "extended", "atol": 1e-20}, "atol: .* none with level 'extended'"),
+        ({"level": "extended", "digits": 301}, "digits: 301 given; .* whole number from 1 to 300"),
     ],
 )
 def test_what_cannot_be_used_is_refused(options, words):
@@ -239,6 +227,11 @@ def test_a_sparse_jacobian():
     assert_covered(known, exact)
     # Steps that are not compensated lose a unit of rounding each.
     assert known.bound()[-1] >= 4 * known.certificate.steps * EPS64
+    coupled = known.problem.changed(
+        rhs=lambda t, y, args: known.problem.rhs(t, y, args) - jnp.mean(y)
+    )
+    with pytest.raises(ReferenceRefused, match="only where the right-hand side is in JAX"):
+        reference(coupled, time_limit=1e-3)
     again = dict(witness_runs(known))
     for each in known.certificate.witnesses:
         assert each.solver == (SCIPY_RADAU if each.role == "independent" else SCIPY_BDF)
@@ -248,41 +241,13 @@ def test_a_sparse_jacobian():
 
 
 @pytest.mark.slow
-def test_a_large_problem_whose_jacobian_is_not_sparse():
-    problem = diffusion(0.1)
-    coupled = problem.changed(rhs=lambda t, y, args: problem.rhs(t, y, args) - jnp.mean(y))
-    with pytest.raises(ReferenceRefused, match="only where the right-hand side is in JAX"):
-        reference(coupled, time_limit=1e-3)
-
-
-def _robertson(t, y, args):
-    slow, back, fast = 0.04 * y[0], 1e4 * y[1] * y[2], 3e7 * y[1] ** 2
-    return jnp.stack([back - slow, slow - back - fast, fast])
-
-
-def test_a_component_too_small_for_the_bound_is_named():
-    (remark,) = remarks(reference(Problem(decays, [1.0, 1.0], [0.0, 20.0, 30.0])))
-    assert "number 0 (" in remark
-    assert "number 1 (" not in remark
-    assert "atol" in remark
-
-
-@pytest.mark.slow
-def test_components_of_a_stiff_problem_too_small_for_the_bound_are_named():
-    known = reference(Problem(_robertson, [1.0, 0.0, 0.0], [0.0, 1.0, 1e5, 1e11]))
-    (remark,) = remarks(known)
-    assert "number 0 (2.1e-08), number 1 (8.3e-14)" in remark
-    assert "atol" in remark
-
-
-def _van_der_pol(t, y, args):
-    return jnp.stack([y[1], ((1.0 - y[0] ** 2) * y[1] - y[0]) / args])
-
-
-@pytest.mark.slow
 def test_the_tolerances_that_a_refusal_names_suffice():
     """The velocity is large for a moment only, between the samples."""
-    problem = Problem(_van_der_pol, [2.0, 0.0], np.linspace(0.0, 2.0, 5), 1e-10)
+
+    def van_der_pol(t, y, args):
+        return jnp.stack([y[1], ((1.0 - y[0] ** 2) * y[1] - y[0]) / 1e-10])
+
+    problem = Problem(van_der_pol, [2.0, 0.0], np.linspace(0.0, 2.0, 5))
     with pytest.raises(ReferenceRefused, match="atol=") as refused:
         reference(problem)
     atol = str(refused.value).split("atol=[")[1].split("]")[0]

@@ -272,16 +272,7 @@ def _extended_runs(
             stops=reference.times,
             progress=progress,
         )
-        return Solution(
-            solver=reference.certificate.solver,
-            rtol=tolerance,
-            atol=0.0,
-            states=run.rounded,
-            steps=run.steps,
-            seconds=run.seconds,
-            compile_seconds=run.compile_seconds,
-            failure=run.failure,
-        )
+        return run.in_float64
 
     def witnesses(problem: Problem, run: Solution) -> Iterator[tuple[Role, Solution]]:
         del run

@@ -1,4 +1,4 @@
-"""Arithmetic of exact constants and of heyoka's expressions, one number at a time.
+"""Arithmetic of exact constants and of heyoka's expressions, and arrays of them.
 
 A constant is a `heyoka.real` with guard bits. Arithmetic of constants is left to MPFR: heyoka
 would do it in the precision of a constant, and that of a float is float64. A complex number is a
@@ -7,7 +7,7 @@ pair of these.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -325,3 +325,46 @@ CHOICES_COMPLEX: dict[str, Callable[..., Any]] = {
     "rsqrt": lambda choice, z: _complex_power(choice, z, heyoka().real(-0.5, 53)),
     "pow": _complex_power,
 }
+
+
+# Arrays of them.
+
+
+def constants(array: Any, bits: int) -> np.ndarray:
+    """Numbers, without any rounding where `bits` is 53 or more."""
+    real, array = heyoka().real, np.asarray(array)
+    if array.dtype.kind == "c":
+        parts = zip(np.ravel(array.real).tolist(), np.ravel(array.imag).tolist(), strict=True)
+        return objects(array.shape, (Complex(real(re, bits), real(im, bits)) for re, im in parts))
+    numbers = array.astype(np.float64).ravel().tolist()
+    return objects(array.shape, (real(number, bits) for number in numbers))
+
+
+def objects(shape: Sequence[int], entries: Iterable[Any]) -> np.ndarray:
+    """An array of objects; NumPy would make one of numbers where all are constants."""
+    listed = list(entries)
+    array = np.empty(len(listed), dtype=object)
+    for i, entry in enumerate(listed):
+        array[i] = entry
+    return array.reshape(tuple(shape))
+
+
+def floats(array: np.ndarray, dtype: Any) -> np.ndarray:
+    """Constants, rounded to float64.
+
+    Arguments:
+        array: of constants.
+        dtype: of the result, real or complex.
+    """
+    numbers = [
+        complex(float(entry.re), float(entry.im)) if isinstance(entry, Complex) else float(entry)
+        for entry in array.flat
+    ]
+    return np.array(numbers, dtype=dtype).reshape(array.shape)
+
+
+def each(function: Callable[..., Any], *arrays: np.ndarray) -> np.ndarray:
+    """A function of numbers on each of the entries."""
+    shape = np.broadcast_shapes(*(array.shape for array in arrays))
+    rows = (np.broadcast_to(array, shape).flat for array in arrays)
+    return objects(shape, (function(*entry) for entry in zip(*rows, strict=True)))

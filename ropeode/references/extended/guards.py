@@ -19,8 +19,8 @@ import numpy as np
 
 from ropeode.precision import in_float64
 from ropeode.problems import Problem, compiled
-from ropeode.references.extended.choices import choosing, chosen, differ, turns
 from ropeode.references.extended.jaxprs import Value, bind, is_float, refuse, steers, walk
+from ropeode.references.extended.rules import choosing, chosen, differ, turns
 
 # States are looked at so many at once, so that one compilation serves all.
 _BLOCK = 128

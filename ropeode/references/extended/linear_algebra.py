@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from ropeode.references.extended.arrays import each, objects
 from ropeode.references.extended.entries import (
     OF_ONE,
     Complex,
     conjugate,
     divide,
+    each,
     multiply,
+    objects,
     root_of_unity,
     subtract,
     total,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from ropeode.references.certificate import (
 )
 from ropeode.references.consensus import consensus_reference
 from ropeode.references.defect import look_between
-from ropeode.references.extended.solution import ExtendedSolution, extended_solution
+from ropeode.references.extended.solution import extended_solution
 from ropeode.references.extended.taylor import ExtendedRun, solve
 from ropeode.references.options import ReferenceOptions
 from ropeode.references.reference import Reference
@@ -119,19 +120,17 @@ def extended_reference(
             quantity: padded(series, problem)
             for quantity, series in distances(problem, run.rounded, states).items()
         }
-        before, bounds = (
-            bounds,
-            {
-                quantity: np.maximum.accumulate(bounds[quantity] + SAFETY_FACTOR * series)
-                for quantity, series in differences.items()
-            },
-        )
+        before = bounds
+        bounds = {
+            quantity: np.maximum.accumulate(before[quantity] + SAFETY_FACTOR * series)
+            for quantity, series in differences.items()
+        }
         seen = findings.trusted(inside.ts, differences, before, bounds[first], accuracy)
         if seen < trusted:
             trusted, reason = seen, findings.reason(problem.ts[seen - 1], problem.ts[seen])
         if trusted < 2:
             raise ReferenceRefused(f"no extended reference for {problem.name!r}: {reason}.")
-        closer = [_run_witness(run, "close look", differences, first, trusted)]
+        closer = [_witness(problem, run, "close look", differences, trusted)]
     return Reference(
         problem=problem,
         states=states,
@@ -148,7 +147,7 @@ def extended_reference(
             horizon=float(problem.ts[trusted]) if trusted < len(problem.ts) else None,
             horizon_reason=reason,
             witnesses=(
-                _witness(problem, solution, trusted),
+                _witness(problem, solution.coarse, "fewer digits", solution.differences, trusted),
                 *([_independent(problem, other, apart)] if other else []),
                 *closer,
             ),
@@ -245,31 +244,22 @@ def _independent(problem: Problem, other: Reference, apart: dict[str, np.ndarray
     )
 
 
-def _witness(problem: Problem, solution: ExtendedSolution, trusted: int) -> Witness:
-    """The coarser run, with its distance from the finer one before either is rounded."""
-    differences = {
-        quantity: padded(series, problem) for quantity, series in solution.differences.items()
-    }
-    return _run_witness(
-        solution.coarse, "fewer digits", differences, problem.quantities[0], trusted
-    )
-
-
-def _run_witness(
+def _witness(
+    problem: Problem,
     run: ExtendedRun,
     role: Role,
-    differences: dict[str, np.ndarray],
-    quantity: str,
+    apart: Mapping[str, np.ndarray],
     trusted: int,
 ) -> Witness:
+    """A run, with its distance from the reference."""
     return Witness(
         solver=taylor(run.precision),
         tolerance=run.tolerance,
         role=role,
         steps=run.steps,
         seconds=run.seconds,
-        differences=differences,
-        difference=float(np.max(differences[quantity][:trusted])),
+        differences={quantity: padded(series, problem) for quantity, series in apart.items()},
+        difference=float(np.max(apart[problem.quantities[0]][:trusted])),
     )
 
 

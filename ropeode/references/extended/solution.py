@@ -14,8 +14,8 @@ from ropeode.problems import Problem
 from ropeode.progress import Progress, silent
 from ropeode.references.certificate import SAFETY_FACTOR, distances, smallest
 from ropeode.references.extended.taylor import ExtendedRun, solve
-from ropeode.references.ladder import neighbour
-from ropeode.references.solvers.stopwatch import Stopwatch
+from ropeode.references.solvers.solution import Stopwatch
+from ropeode.references.witnesses import neighbour
 from ropeode.validation import check_positive, check_whole
 
 # The finer run of a pair has so many bits more, and a tolerance that is finer by as much.

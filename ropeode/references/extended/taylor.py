@@ -13,8 +13,8 @@ from ropeode.progress import Progress, silent
 from ropeode.references.extended import heyoka
 from ropeode.references.extended.defects import Defects
 from ropeode.references.extended.translate import Translation, translate
-from ropeode.references.solvers.solution import Path
-from ropeode.references.solvers.stopwatch import Stopwatch
+from ropeode.references.solvers.solution import Path, Solution, Stopwatch
+from ropeode.references.solvers.solver import taylor
 from ropeode.validation import check_positive, check_whole
 
 # The significand of IEEE quadruple precision.
@@ -37,7 +37,6 @@ class ExtendedRun:
         steps: how many.
         seconds: to run.
         compile_seconds: to translate and compile.
-        choices: primitives that chose a branch by the state, and kept it.
         failure: why it did not reach the last sample time; None if it did.
         path: its steps, each in a few parts short enough to be looked into, in float64; only if
             the run is looked into, as are the defects.
@@ -50,7 +49,6 @@ class ExtendedRun:
     steps: int
     seconds: float = dataclasses.field(compare=False)
     compile_seconds: float = dataclasses.field(compare=False)
-    choices: tuple[str, ...] = ()
     failure: str | None = None
     path: Path | None = None
     defects: Defects | None = dataclasses.field(default=None, compare=False)
@@ -64,6 +62,20 @@ class ExtendedRun:
     def reached(self) -> int:
         """How many samples it has, the initial state included."""
         return len(self.states)
+
+    @property
+    def in_float64(self) -> Solution:
+        """The run as one in float64: its states are rounded."""
+        return Solution(
+            solver=taylor(self.precision),
+            rtol=self.tolerance,
+            atol=0.0,
+            states=self.rounded,
+            steps=self.steps,
+            seconds=self.seconds,
+            compile_seconds=self.compile_seconds,
+            failure=self.failure,
+        )
 
 
 def solve(
@@ -137,7 +149,6 @@ def solve(
         steps=run.steps,
         seconds=run.seconds,
         compile_seconds=run.compile_seconds,
-        choices=tuple(sorted(run.choices)),
         failure=run.failure,
         path=run.path() if looked_into else None,
         defects=run.defects,
@@ -161,7 +172,6 @@ class _Run:
     steps: int = 0
     seconds: float = 0.0
     compile_seconds: float = 0.0
-    choices: set[str] = dataclasses.field(default_factory=set)
     failure: str | None = None
 
     def __post_init__(self) -> None:
@@ -190,7 +200,6 @@ class _Run:
         library, shape = heyoka(), self.problem.y0.shape
         rounded = state.astype(np.float64).reshape(shape)
         translation = translate(self.problem, self.precision, t=start, y=rounded)
-        self.choices.update(translation.guards.names)
         taylor = library.taylor_adaptive(
             translation.system,
             state,

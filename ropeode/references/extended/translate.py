@@ -13,9 +13,7 @@ import numpy as np
 from ropeode.precision import in_float64
 from ropeode.problems import Problem
 from ropeode.references.extended import heyoka, rules
-from ropeode.references.extended.arrays import constants, floats, objects
-from ropeode.references.extended.choices import by_choice, choosing, chosen
-from ropeode.references.extended.entries import OF_ONE, OF_ONE_COMPLEX
+from ropeode.references.extended.entries import OF_ONE, OF_ONE_COMPLEX, constants, floats, objects
 from ropeode.references.extended.guards import Guards, chooses, just_after, looked_at, traced_once
 from ropeode.references.extended.jaxprs import Value, bind, is_complex, is_float, refuse, walk
 
@@ -201,11 +199,11 @@ class _Symbols:
         exact = [content for content in contents if is_exact(content)]
         if not exact:
             return self._bound(equation, contents)
-        if choosing(equation):
+        if rules.choosing(equation):
             if choice is None:
                 numbers = self._numbers(equation, contents)
-                choice = np.asarray(chosen(equation, numbers, bind(equation, numbers)))
-            results = iter(by_choice(equation, choice, exact, self.bits))
+                choice = np.asarray(rules.chosen(equation, numbers, bind(equation, numbers)))
+            results = iter(rules.by_choice(equation, choice, exact, self.bits))
             known = None if moves else self._bound(equation, contents)
             return [
                 next(results) if is_float(output) else None if known is None else known[i]

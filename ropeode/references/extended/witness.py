@@ -16,7 +16,6 @@ from ropeode.references.extended.guards import traced_once
 from ropeode.references.extended.rules import MOVES
 from ropeode.references.extended.taylor import HARDWARE, in_hardware, solve
 from ropeode.references.solvers.solution import Solution
-from ropeode.references.solvers.solver import taylor
 
 # A right-hand side of more operations on numbers takes heyoka longer to compile than all other
 # witnesses take; so many of them in all steps, longer to run. See docs/explanation/certificate.md.
@@ -67,16 +66,7 @@ def run_beyond_float64(
         return None
     if run.reached < len(like.states):
         return None
-    return Solution(
-        taylor(HARDWARE),
-        run.tolerance,
-        0.0,
-        run.rounded,
-        run.steps,
-        run.seconds,
-        run.compile_seconds,
-        run.failure,
-    )
+    return run.in_float64
 
 
 def operations(problem: Problem) -> float:

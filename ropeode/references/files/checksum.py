@@ -10,6 +10,7 @@ import hashlib
 import os
 from pathlib import Path
 
+from ropeode.errors import InputError
 from ropeode.files import open_to_read, unreadable
 from ropeode.validation import bad_value
 
@@ -40,10 +41,15 @@ def verify_checksum(path: Path) -> str:
         except OSError as error:
             raise unreadable("reference", path, error.strerror) from error
     if not end.startswith(_MARK) or not end.endswith(b"\n"):
-        allowed = "a file that ropeode wrote whole (the checksum at its end is missing)"
-        raise bad_value("reference", str(path), allowed, "write it again, or download it again")
+        raise unusable(path, "a file that ropeode wrote whole (the checksum at its end is missing)")
     if end[len(_MARK) : -1] != digest.hexdigest().encode():
-        allowed = "a file as it was written (its sha256 differs from the one at its end)"
-        fix = "do not use it; write it again, or download it again"
-        raise bad_value("reference", str(path), allowed, fix)
+        raise unusable(
+            path, "a file as it was written (its sha256 differs from the one at its end)"
+        )
     return digest.hexdigest()
+
+
+def unusable(path: Path, allowed: str) -> InputError:
+    """The complaint about a file that is not as it was written, to be raised."""
+    fix = "do not use it; write it again, or download it again"
+    return bad_value("reference", str(path), allowed, fix)

@@ -13,13 +13,7 @@ from ropeode.precision import in_float64
 from ropeode.problems import Problem, compiled
 from ropeode.references.certificate import Certificate, Witness, padded
 from ropeode.references.dense.polynomials import Dense
-from ropeode.references.files.contents import (
-    PROBES,
-    Claims,
-    Description,
-    dense_name,
-    series_name,
-)
+from ropeode.references.files.contents import PROBES, Claims, Description, dense_name, series_name
 from ropeode.references.reference import Reference
 from ropeode.references.solvers.solver import Solver
 
@@ -163,12 +157,25 @@ def certificate_from(
     )
 
 
-def states_from(problem: Problem, samples: int, arrays: Mapping[str, np.ndarray]) -> np.ndarray:
-    """The states that a file holds, ``(samples, *y0.shape)``."""
-    return _joined(problem, {name: arrays[name][:samples] for name in problem.quantities})
+def restored(
+    problem: Problem, samples: int, certificate: Certificate, arrays: Mapping[str, np.ndarray]
+) -> Reference:
+    """The reference in a file.
+
+    Arguments:
+        problem: that it solves.
+        samples: how many of its states are known.
+        certificate: as `certificate_from` has it.
+        arrays: of the file.
+
+    Raises:
+        ValueError: nodes and components are not those of the problem.
+    """
+    known = {name: arrays[name][:samples] for name in problem.quantities}
+    return Reference(problem, _joined(problem, known), certificate, _dense_from(problem, arrays))
 
 
-def dense_from(problem: Problem, arrays: Mapping[str, np.ndarray]) -> Dense | None:
+def _dense_from(problem: Problem, arrays: Mapping[str, np.ndarray]) -> Dense | None:
     """The dense output that a file holds; None if it has none."""
     if "dense_time" not in arrays:
         return None

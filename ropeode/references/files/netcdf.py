@@ -14,9 +14,9 @@ import h5netcdf
 import h5py
 import numpy as np
 
-from ropeode.errors import InputError
+from ropeode.references.files.checksum import unusable
 from ropeode.references.files.encoding import Array
-from ropeode.validation import bad_value, listed, shortly
+from ropeode.validation import listed, shortly
 
 # The only types that are written, and so the only ones that are read.
 _TYPES = ("<f8", "|i1")
@@ -80,12 +80,6 @@ def read(path: Path) -> tuple[dict[str, Array], dict[str, str]]:
         # HDF5 raises errors of many kinds on files that are not its own.
         raise unusable(path, f"a NetCDF4 file as ropeode writes it ({shortly(error)})") from error
     return arrays, texts
-
-
-def unusable(path: Path, allowed: str) -> InputError:
-    """The complaint about a file that is not as it was written, to be raised."""
-    fix = "do not use it; write it again, or download it again"
-    return bad_value("reference", str(path), allowed, fix)
 
 
 def content_hash(arrays: Mapping[str, Array], texts: Mapping[str, str]) -> str:

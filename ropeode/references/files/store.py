@@ -12,16 +12,15 @@ from ropeode.errors import InputError
 from ropeode.files import check_suffix, write_whole
 from ropeode.problems import PROBLEMS, NoEquations, Problem
 from ropeode.references.certificate import Certificate
-from ropeode.references.files.checksum import verify_checksum, with_checksum
+from ropeode.references.files.checksum import unusable, verify_checksum, with_checksum
 from ropeode.references.files.contents import Description, parsed
 from ropeode.references.files.encoding import (
     ROPE_ARRAYS,
     SCHEMA,
     arrays_of,
     certificate_from,
-    dense_from,
     probed,
-    states_from,
+    restored,
     texts_of,
 )
 from ropeode.references.reference import Reference
@@ -102,11 +101,9 @@ def reference_from(facts: Facts, problem: Problem | None = None) -> Reference:
     else:
         _check_same(facts.path, problem, facts.problem, facts.numbers)
     try:
-        states = states_from(problem, facts.problem.samples, facts.numbers)
-        dense = dense_from(problem, facts.numbers)
+        return restored(problem, facts.problem.samples, facts.certificate, facts.numbers)
     except ValueError as error:
         raise _not_a_reference(facts.path, error) from error
-    return Reference(problem=problem, states=states, certificate=facts.certificate, dense=dense)
 
 
 def _of_the_library(facts: Facts) -> Problem | None:
@@ -169,8 +166,7 @@ def stored_facts(path: str | Path) -> Facts:
 
 
 def _not_a_reference(path: Path, why: ValueError) -> InputError:
-    allowed, fix = f"a file that holds a reference ({why})", "write it again, or download it again"
-    return bad_value("reference", str(path), allowed, fix)
+    return unusable(path, f"a file that holds a reference ({why})")
 
 
 def _without_equations(facts: Facts) -> Problem:

@@ -8,15 +8,12 @@ SciPy's, and the step control is that of its solver.
 from __future__ import annotations
 
 import functools
-import threading
-import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from scipy.integrate import DOP853
 
 from ropeode.precision import in_float64
 from ropeode.problems import Problem
@@ -25,16 +22,14 @@ from ropeode.references.solvers.dop853 import (
     LEAST_FACTOR,
     SAFETY,
     TIGHTEST_RTOL,
-    combination,
+    attempt,
 )
-from ropeode.references.solvers.family import Family, abstract
-from ropeode.references.solvers.solution import Path, Solution
+from ropeode.references.solvers.family import Family, abstract, compiled_once
+from ropeode.references.solvers.solution import Path, Solution, Stopwatch
 from ropeode.references.solvers.solver import OWN_DOP853
-from ropeode.references.solvers.stopwatch import Stopwatch
 
 # Steps of one call: the clock is read between two calls.
 _STEPS, _NUMBERS = 4096, 2**20
-_compiling = threading.Lock()
 
 
 class _State(NamedTuple):
@@ -69,12 +64,7 @@ def solve(
     padded = np.pad(ts, (0, spare), mode="edge")
     tolerances = np.float64(max(rtol, TIGHTEST_RTOL)), np.broadcast_to(atol, problem.y0.shape)
     tolerances = tolerances[0], np.float64(tolerances[1]).reshape(-1)
-    began = time.perf_counter()
-    with _compiling:
-        before = _compiled.cache_info().misses
-        advance = _compiled(Family.of(problem, OWN_DOP853, len(padded)))
-        fresh = _compiled.cache_info().misses > before
-    compile_seconds = time.perf_counter() - began if fresh else 0.0
+    advance, compile_seconds = compiled_once(_compiled, Family.of(problem, OWN_DOP853, len(padded)))
     stopwatch = Stopwatch()
     state = _start(problem, y0, *tolerances)
     times, states, slopes = [ts[:1]], [y0[None]], [state.slope[None]]
@@ -162,7 +152,9 @@ def _program(family: Family) -> Callable:
             stop = ts[state.sample]
             t_new = jnp.minimum(state.t + tried, stop)
             h = t_new - state.t
-            y_new, slope_new, error = _attempt(field, state, h, rtol, atol)
+            y_new, slope_new, error = attempt(
+                field, state.t, state.y, state.slope, h, rtol, atol, jnp
+            )
             factor = SAFETY * error ** (-1 / 8)
             # Not so for NaN, which is no error within the tolerance.
             accepted = error < 1
@@ -189,18 +181,3 @@ def _program(family: Family) -> Callable:
         return jax.lax.while_loop(goes_on, step, start)
 
     return advance
-
-
-def _attempt(field: Callable, state: _State, h: Any, rtol: Any, atol: Any) -> tuple[Any, Any, Any]:
-    """The state and its slope after a step, and the error relative to the tolerance."""
-    t, y = state.t, state.y
-    stages = [state.slope]
-    for row, node in zip(DOP853.A[1:], DOP853.C[1:], strict=True):
-        stages.append(field(t + node * h, y + h * combination(row, stages)))
-    y_new = y + h * combination(DOP853.B, stages)
-    stages.append(field(t + h, y_new))
-    scale = atol + jnp.maximum(jnp.abs(y), jnp.abs(y_new)) * rtol
-    fifth = jnp.sum((combination(DOP853.E5, stages) / scale) ** 2)
-    third = jnp.sum((combination(DOP853.E3, stages) / scale) ** 2)
-    whole = jnp.sqrt((fifth + 0.01 * third) * y.size)
-    return y_new, stages[-1], jnp.where((fifth == 0) & (third == 0), 0.0, h * fifth / whole)

@@ -163,82 +163,60 @@ SOLVERS: dict[Solver, Callable[[Any, Any], diffrax.AbstractSolver]] = {
 }
 
 
-class _Wrapper(diffrax.AbstractAdaptiveStepSizeController):
-    """A controller that lets another one choose, and changes its choice."""
-
-    controller: diffrax.AbstractAdaptiveStepSizeController
-
-    rtol = property(lambda self: self.controller.rtol)
-    atol = property(lambda self: self.controller.atol)
-    norm = property(lambda self: self.controller.norm)
-
-    def wrap(self, direction: Any) -> _Wrapper:
-        """Pass the direction of time on."""
-        return dataclasses.replace(self, controller=self.controller.wrap(direction))
-
-
-class _StepLimit(_Wrapper):
-    """A controller that gives up after a number of steps that is an input of the program.
-
-    `diffeqsolve(max_steps=...)` is a constant of the program, and would cost a compilation for
-    each rung of a tolerance ladder.
-    """
-
-    limit: Any
-
-    def init(self, *inputs: Any) -> tuple:
-        """Start the count beside the inner controller's state."""
-        t1, inner = self.controller.init(*inputs)
-        return t1, (jnp.asarray(0), inner)
-
-    def adapt_step_size(self, *inputs: Any) -> tuple:
-        """Let the inner controller choose, and count."""
-        *inputs, (count, inner) = inputs
-        *choice, inner, result = self.controller.adapt_step_size(*inputs, inner)
-        count = count + 1
-        spent = (count >= self.limit) & diffrax.is_successful(result)
-        result = diffrax.RESULTS.where(spent, diffrax.RESULTS.max_steps_reached, result)
-        return *choice, (count, inner), result
-
-
-class _Frames(_Wrapper):
+class _Frames(diffrax.AbstractAdaptiveStepSizeController):
     """A controller whose steps end on the sample times, and are no longer than their frame allows.
 
     `ClipStepSizeController(step_ts=...)` compares each step with all sample times, which takes
     much longer than the step itself where they are thousands. `PIDController(dtmax=...)` knows
     one length for all frames, and `dtmin` one for all times: here a run ends where the inner
     controller asks for a step that hardly changes `t` in floating-point numbers. At the last
-    sample time it ends by an event, as diffrax calls that.
+    sample time it ends by an event, as diffrax calls that. `diffeqsolve(max_steps=...)` is a
+    constant of the program, and would cost a compilation for each rung of a tolerance ladder.
 
     Arguments:
         controller: the inner one.
         ts: the sample times.
         ends: where the last step before each of them ends: there, or just before a jump there.
         longest: the longest step for each frame.
+        limit: the number of steps after which the run gives up.
     """
 
+    controller: diffrax.AbstractAdaptiveStepSizeController
     ts: Any
     ends: Any
     longest: Any
+    limit: Any
+
+    rtol = property(lambda self: self.controller.rtol)
+    atol = property(lambda self: self.controller.atol)
+    norm = property(lambda self: self.controller.norm)
+
+    def wrap(self, direction: Any) -> _Frames:
+        """Pass the direction of time on."""
+        return dataclasses.replace(self, controller=self.controller.wrap(direction))
 
     def init(self, *inputs: Any) -> tuple:
-        """Shorten the first step, and count the frames from there."""
+        """Shorten the first step, and count the frames and the steps from there."""
         t0 = inputs[1]
         t1, inner = self.controller.init(*inputs)
         t1 = jnp.maximum(t1, t0 + _FIRST_STEP * _spacing(t0))
-        return self._shortened(t0, t1, 0), (jnp.asarray(0), inner)
+        return self._shortened(t0, t1, 0), (jnp.asarray(0), jnp.asarray(0), inner)
 
     def adapt_step_size(self, *inputs: Any) -> tuple:
-        """Let the inner controller choose, and shorten the step."""
-        *inputs, (frame, inner) = inputs
+        """Let the inner controller choose, shorten the step, and count."""
+        *inputs, (frame, count, inner) = inputs
         keep, t0, t1, made_jump, inner, result = self.controller.adapt_step_size(*inputs, inner)
         # Also where it is NaN.
         too_short = ~(t1 - t0 >= _SHORTEST_STEP * _spacing(t0)) & diffrax.is_successful(result)
         result = diffrax.RESULTS.where(too_short, diffrax.RESULTS.dt_min_reached, result)
         arrived = (t0 >= self.ts[-1]) & diffrax.is_okay(result)
         result = diffrax.RESULTS.where(arrived, diffrax.RESULTS.event_occurred, result)
+        count = count + 1
+        spent = (count >= self.limit) & diffrax.is_successful(result)
+        result = diffrax.RESULTS.where(spent, diffrax.RESULTS.max_steps_reached, result)
         frame = frame + (self.ends[frame + 1] <= t0)
-        return keep, t0, self._shortened(t0, t1, frame), made_jump, (frame, inner), result
+        state = frame, count, inner
+        return keep, t0, self._shortened(t0, t1, frame), made_jump, state, result
 
     def _shortened(self, t0: Any, t1: Any, frame: Any) -> Any:
         longest = jnp.maximum(t0 + self.longest[frame], jnp.nextafter(t0, jnp.inf))
@@ -292,7 +270,8 @@ def solution_of(family: Family) -> Callable:
         seed: Any,
     ) -> Any:
         ends = jnp.where(jnp.isin(ts, jump_ts), jnp.nextafter(ts, -jnp.inf), ts)
-        controller = _Frames(diffrax.PIDController(rtol=rtol, atol=atol), ts, ends, longest)
+        pid = diffrax.PIDController(rtol=rtol, atol=atol)
+        controller = _Frames(pid, ts, ends, longest, limit)
         if family.jumps:
             controller = diffrax.ClipStepSizeController(controller, jump_ts=jump_ts)
         if family.compensated:
@@ -314,7 +293,7 @@ def solution_of(family: Family) -> Callable:
                     diffrax.SubSaveAt(t1=True, fn=lambda t, y, inputs: t),
                 )
             ),
-            stepsize_controller=_StepLimit(controller, limit),
+            stepsize_controller=controller,
             max_steps=None,
             adjoint=diffrax.ForwardMode(),
             throw=False,

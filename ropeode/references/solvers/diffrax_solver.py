@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+import functools
 import math
-import time
 from collections.abc import Callable
+from typing import Any
 
 import jax
 import numpy as np
 
+from ropeode import cache
+from ropeode.cache import Source
 from ropeode.precision import in_float64
 from ropeode.problems import Problem
-from ropeode.references.solvers.family import Family
-from ropeode.references.solvers.program_cache import compiled
-from ropeode.references.solvers.solution import Solution, finite_samples
+from ropeode.references.solvers.family import Family, abstract, compiled_once
+from ropeode.references.solvers.solution import Solution, Stopwatch, finite_samples
 from ropeode.references.solvers.solver import Solver
-from ropeode.references.solvers.stopwatch import Stopwatch
 
 UNLIMITED = int(np.iinfo(np.int64).max)
 
@@ -62,10 +63,10 @@ def solve(
     longest = np.full(problem.frames, np.inf) if longest_steps is None else longest_steps
     samples = len(problem.ts)
     spare = spare_samples(samples, room)
-    started, fresh = time.perf_counter(), False
+    compile_seconds = 0.0
     if program is None:
-        program, fresh = compiled(Family.of(problem, solver, samples + spare, compensated))
-    compile_seconds = time.perf_counter() - started
+        family = Family.of(problem, solver, samples + spare, compensated)
+        program, compile_seconds = compiled_once(_compiled, family)
     whole = Stopwatch()
     limit = max_steps if np.isinf(seconds) else min(max_steps, _few_steps(problem, solver))
     while True:
@@ -108,7 +109,7 @@ def solve(
         states=states,
         steps=int(steps),
         seconds=taken,
-        compile_seconds=compile_seconds if fresh else 0.0,
+        compile_seconds=compile_seconds,
         failure=failure,
         reached=float(reached),
         ran_out=bool(ran_out),
@@ -127,3 +128,38 @@ def _few_steps(problem: Problem, solver: Solver) -> int:
         return max(64, int(4096 * min(1.0, 100.0 / problem.y0.size)))
     # Each step factors matrices of the state's size.
     return max(4, int(4096 * min(1.0, (20.0 / problem.y0.size) ** 3)))
+
+
+@functools.lru_cache(maxsize=64)
+def _compiled(family: Family) -> Callable:
+    description = _description(family) if cache.is_used() else None
+    return cache.program(description, lambda: _source(family))[0]
+
+
+def _source(family: Family) -> Source:
+    # Not above: it imports diffrax.
+    from ropeode.references.solvers.diffrax_program import solution_of
+
+    return Source(solution_of(family), family.inputs())
+
+
+def _description(family: Family) -> str:
+    """What tells a program of the primary solver from all others.
+
+    The right-hand side enters as the program that JAX lowers it to, with its derivative where
+    an implicit solver needs that; neither its name nor its source text says what it does.
+    """
+
+    def with_slope(t: Any, y: Any, leaves: Any) -> Any:
+        return jax.jvp(lambda y: family.field(t, y, leaves), (y,), (y,))
+
+    function = with_slope if family.solver.implicit else family.field
+    y0, leaves, *_ = family.inputs()
+    parts = (
+        str(family.solver),
+        repr(family.inputs()),
+        str(family.jumps > 0),
+        *([] if family.compensated else ["as its library has it"]),
+        jax.jit(function).lower(abstract(()), y0, leaves).as_text(),
+    )
+    return "\0".join(parts)

@@ -8,7 +8,6 @@ all. The coefficients are SciPy's, and the step control is that of its solver.
 from __future__ import annotations
 
 import functools
-import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
@@ -19,7 +18,7 @@ from scipy.integrate import DOP853
 
 from ropeode.precision import in_float64
 from ropeode.problems import Problem
-from ropeode.references.solvers.family import Family, abstract
+from ropeode.references.solvers.family import Family, abstract, compiled_once
 from ropeode.references.solvers.solution import Path, Solution, finite_samples
 from ropeode.references.solvers.solver import OWN_DOP853
 
@@ -31,7 +30,6 @@ _NUMBERS = 8192
 _MOST_LANES = 128
 # Problems enter when this part of the lanes is free.
 _FREE = 0.25
-_compiling = threading.Lock()
 
 
 @in_float64
@@ -59,12 +57,7 @@ def solve(
     if not problems:
         return []
     first = problems[0]
-    started = time.perf_counter()
-    with _compiling:
-        before = _compiled.cache_info().misses
-        lanes = _Lanes(first, rtols, atols, max_steps)
-        fresh = _compiled.cache_info().misses > before
-    compile_seconds = time.perf_counter() - started
+    lanes = _Lanes(first, rtols, atols, max_steps)
     started = time.perf_counter()
     states = np.full((len(problems), len(first.ts), first.y0.size), np.nan)
     waiting = list(range(len(problems)))[::-1]
@@ -87,7 +80,7 @@ def solve(
             states=own[: finite_samples(own)].reshape(-1, *first.y0.shape),
             steps=lanes.steps[member],
             seconds=seconds,
-            compile_seconds=compile_seconds if fresh and member == 0 else 0.0,
+            compile_seconds=lanes.compile_seconds if member == 0 else 0.0,
             failure=lanes.failures.get(member),
             path=Path.of(first.ts[0], problem.y0.reshape(-1), lanes.taken[member]),
         )
@@ -115,7 +108,8 @@ class _Lanes:
         max_steps: Sequence[int],
     ):
         count = max(1, min(_MOST_LANES, _NUMBERS // first.y0.size))
-        self._rhs = _compiled(Family.of(first, OWN_DOP853, len(first.ts)), count)
+        family = Family.of(first, OWN_DOP853, len(first.ts))
+        self._rhs, self.compile_seconds = compiled_once(_compiled, family, count)
         self._rtols, self._atols, self._max_steps = rtols, atols, max_steps
         self._ts = first.ts
         leaves = jax.tree.leaves(first.args)
@@ -187,7 +181,15 @@ class _Lanes:
         stop = self._ts[self._sample]
         t_new = np.minimum(self._t + tried, stop)
         h = np.where(self.busy, t_new - self._t, 0.0)
-        y_new, slope_new, error = self._attempt(h)
+        y_new, slope_new, error = attempt(
+            lambda t, y: self._rhs(t, y, self._on_device),
+            self._t,
+            self._y,
+            self._slope,
+            h,
+            self._rtol,
+            self._atol,
+        )
         factor = SAFETY / _eighth_root(error)
         # Not so for NaN, which is no error within the tolerance.
         accepted = self.busy & ~stuck & (error < 1)
@@ -225,21 +227,33 @@ class _Lanes:
         where = f"stopped after t = {self._t[lane]:g}: {reason}"
         self.failures[int(self._member[lane])] = where
 
-    def _attempt(self, h: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The state and its slope after a step, and the error relative to the tolerance."""
-        step = h[:, None]
-        stages = [self._slope]
-        for row, node in zip(DOP853.A[1:], DOP853.C[1:], strict=True):
-            y = self._y + step * combination(row, stages)
-            stages.append(self._rhs(self._t + node * h, y, self._on_device))
-        y_new = self._y + step * combination(DOP853.B, stages)
-        stages.append(self._rhs(self._t + h, y_new, self._on_device))
-        scale = self._atol + np.maximum(np.abs(self._y), np.abs(y_new)) * self._rtol
-        fifth = np.sum((combination(DOP853.E5, stages) / scale) ** 2, axis=1)
-        third = np.sum((combination(DOP853.E3, stages) / scale) ** 2, axis=1)
-        whole = np.sqrt((fifth + 0.01 * third) * self._y.shape[1])
-        error = np.where((fifth == 0) & (third == 0), 0.0, np.abs(h) * fifth / whole)
-        return y_new, stages[-1], error
+
+def attempt(
+    field: Callable, t: Any, y: Any, slope: Any, h: Any, rtol: Any, atol: Any, xp: Any = np
+) -> tuple[Any, Any, Any]:
+    """The state and its slope after a step, and the error relative to the tolerance.
+
+    Arguments:
+        field: of a time and a state.
+        t: the time before the step.
+        y: the state there; its last axis counts numbers.
+        slope: the field there.
+        h: the length of the step.
+        rtol: relative tolerance.
+        atol: absolute tolerance.
+        xp: NumPy, or that of JAX.
+    """
+    step, stages = h[..., None], [slope]
+    for row, node in zip(DOP853.A[1:], DOP853.C[1:], strict=True):
+        stages.append(field(t + node * h, y + step * combination(row, stages)))
+    y_new = y + step * combination(DOP853.B, stages)
+    stages.append(field(t + h, y_new))
+    scale = atol + xp.maximum(xp.abs(y), xp.abs(y_new)) * rtol
+    fifth = xp.sum((combination(DOP853.E5, stages) / scale) ** 2, axis=-1)
+    third = xp.sum((combination(DOP853.E3, stages) / scale) ** 2, axis=-1)
+    whole = xp.sqrt((fifth + 0.01 * third) * y.shape[-1])
+    error = xp.where((fifth == 0) & (third == 0), 0.0, xp.abs(h) * fifth / whole)
+    return y_new, stages[-1], error
 
 
 def combination(weights: np.ndarray, stages: Sequence[Any]) -> Any:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import threading
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -70,3 +72,23 @@ class Family:
 def abstract(shape: tuple[int, ...], dtype: Any = np.float64) -> jax.ShapeDtypeStruct:
     """An array of which only shape and dtype are fixed."""
     return jax.ShapeDtypeStruct(shape, dtype)
+
+
+_compiling = threading.Lock()
+
+
+def compiled_once(compiles: Any, *key: Any) -> tuple[Callable, float]:
+    """A compiled program, and the seconds that compiling it has taken now; 0 if it was there.
+
+    Where several threads want the same program, one compiles it and the others wait.
+
+    Arguments:
+        compiles: a function with a cache of `functools.lru_cache`.
+        key: its inputs.
+    """
+    began = time.perf_counter()
+    with _compiling:
+        before = compiles.cache_info().misses
+        program = compiles(*key)
+        fresh = compiles.cache_info().misses > before
+    return program, time.perf_counter() - began if fresh else 0.0

@@ -1,8 +1,9 @@
-"""The result of one run of an adaptive solver."""
+"""The result of one run of an adaptive solver, and how long it takes."""
 
 from __future__ import annotations
 
 import dataclasses
+import time
 from collections.abc import Sequence
 
 import numpy as np
@@ -80,3 +81,20 @@ def finite_samples(states: np.ndarray) -> int:
     """How many leading samples are finite."""
     finite = np.all(np.isfinite(states.reshape(len(states), -1)), axis=1)
     return len(states) if np.all(finite) else int(np.argmin(finite))
+
+
+class Stopwatch:
+    """Seconds since it was made: by the wall clock, or of the processor if these are fewer.
+
+    So other programs on the same machine take nothing from a run's time, nor do the other threads
+    of this one.
+    """
+
+    def __init__(self) -> None:
+        self._began = time.perf_counter(), time.process_time()
+
+    @property
+    def seconds(self) -> float:
+        """As above."""
+        wall, processor = self._began
+        return min(time.perf_counter() - wall, time.process_time() - processor)
