@@ -8,12 +8,18 @@ from pathlib import Path
 import pytest
 
 from ropeode.checking import CHECKS
-from tests.checking.mutants.all import AT_LAST, MUTANTS, REFUSED, UNCLAIMED, rejected_by
+from tests.checking.mutants.all import (
+    AT_LAST,
+    MUTANTS,
+    REFUSED,
+    SURVIVORS,
+    UNCLAIMED,
+    rejected_by,
+)
+from tests.checking.mutants.kept import KEPT
 from tests.checking.mutants.loops import LOOPS
 from tests.checking.mutants.mutant import from_source, source_of
 from tests.checking.mutants.originals import trajectory
-from tests.checking.mutants.rare import KEPT
-from tests.checking.mutants.survivors import SURVIVORS
 
 # Made by benchmarks/mutants.py, with all checks.
 RECORD = {

@@ -8,15 +8,16 @@ from pathlib import Path
 
 from ropeode.checking import SLOW, CheckReport
 from ropeode.errors import InputError
+from tests.checking.mutants.kept import IN_ARRAYS, KEPT
 from tests.checking.mutants.loops import LOOPS, graded
-from tests.checking.mutants.mistakes import MISTAKES
-from tests.checking.mutants.mutant import Mutant
-from tests.checking.mutants.rare import RARE
+from tests.checking.mutants.mutant import BY_HAND, Mutant, by_hand
 from tests.checking.mutants.rules import BY_RULE
-from tests.checking.mutants.thresholds import THRESHOLDS
 from tests.checking.no_time_limit import check_stepper
 
-_ALL = (*MISTAKES, *RARE, *LOOPS, *BY_RULE, *THRESHOLDS)
+# Those that no check rejects, and why none has to.
+SURVIVORS: dict[str, str] = BY_HAND["survivors"]
+THRESHOLDS = (*by_hand("thresholds"), *IN_ARRAYS)
+_ALL = (*by_hand("mistakes"), *by_hand("rare"), *KEPT, *LOOPS, *BY_RULE, *THRESHOLDS)
 MUTANTS: dict[str, Mutant] = {mutant.name: mutant for mutant in _ALL}
 assert len(MUTANTS) == len(_ALL), "two mutants have one name"
 
