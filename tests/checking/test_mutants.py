@@ -10,6 +10,7 @@ import pytest
 from ropeode.checking import CHECKS
 from tests.checking.mutants.all import (
     AT_LAST,
+    LOOPS,
     MUTANTS,
     REFUSED,
     SURVIVORS,
@@ -17,7 +18,6 @@ from tests.checking.mutants.all import (
     rejected_by,
 )
 from tests.checking.mutants.kept import KEPT
-from tests.checking.mutants.loops import LOOPS
 from tests.checking.mutants.mutant import from_source, source_of
 from tests.checking.mutants.originals import trajectory
 
@@ -32,7 +32,7 @@ RECORD = {
 # Every so many-th mutant is checked again, by the cheapest of the checks that reject it: a few
 # steps or the runs of one problem, rather than long runs and derivatives. Of those, and of the
 # programs, every so many-th is checked at each change; the others are slow tests.
-EVERY, EVERY_FAST = 9, 13
+EVERY, EVERY_FAST = 9, 25
 LAST = ("symplectic", *AT_LAST)
 ORDERS = tuple(name for name in CHECKS if name.startswith("order-"))
 CHEAP = [name for name in CHECKS if name not in (*ORDERS, *LAST, *UNCLAIMED)] + [*ORDERS]

@@ -19,55 +19,52 @@ def _mutants(made: Mapping[str, Callable[[], Any]]) -> tuple[Mutant, ...]:
     )
 
 
-def _two_step_in_a_closure() -> Callable:
-    before: list[Any] = []
+def _keeping(own: Callable) -> Callable[[], Callable]:
+    """Steps that are handed a dictionary of their own, an empty one for each use."""
 
-    def step(acceleration, t, x, v, dt, args):
-        x_before = before[0] if before else x - dt * v
-        before[:] = [np.array(x)]
-        x_new = 2 * x - x_before + dt**2 * np.asarray(acceleration(t, x, v, args))
-        return x_new, (x_new - x) / dt
+    def make() -> Callable:
+        kept: dict[Any, Any] = {}
 
-    return step
+        def step(acceleration, t, x, v, dt, args):
+            return own(kept, acceleration, t, x, v, dt, args)
 
+        return step
 
-def _stale_in_a_closure() -> Callable:
-    last: list[Any] = []
-
-    def step(acceleration, t, x, v, dt, args):
-        a = last[0] if last else np.asarray(acceleration(t, x, v, args))
-        x_new = x + dt * v + dt**2 / 2 * a
-        a_new = np.asarray(acceleration(t + dt, x_new, v + dt * a, args))
-        last[:] = [a_new]
-        return x_new, v + dt / 2 * (a + a_new)
-
-    return step
+    return make
 
 
-def _noise(size: float, seed: int | None) -> Callable:
-    random = np.random.default_rng(seed)
+def _two_step(kept, acceleration, t, x, v, dt, args):
+    before = kept.get("x", x - dt * v)
+    kept["x"] = np.array(x)
+    x_new = 2 * x - before + dt**2 * np.asarray(acceleration(t, x, v, args))
+    return x_new, (x_new - x) / dt
 
-    def step(acceleration, t, x, v, dt, args):
+
+def _stale(kept, acceleration, t, x, v, dt, args):
+    a = kept["a"] if kept else np.asarray(acceleration(t, x, v, args))
+    x_new = x + dt * v + dt**2 / 2 * a
+    kept["a"] = np.asarray(acceleration(t + dt, x_new, v + dt * a, args))
+    return x_new, v + dt / 2 * (a + kept["a"])
+
+
+def _noise(size: float, seed: int | None) -> Callable[[], Callable]:
+    def step(kept, acceleration, t, x, v, dt, args):
+        random = kept.setdefault("random", np.random.default_rng(seed))
         x, v = velocity_verlet(acceleration, t, x, v, dt, args)
         return np.array(x), np.array(v) + size * random.normal(size=np.shape(v))
 
-    return step
+    return _keeping(step)
 
 
 def _calling(choose: Callable) -> Callable[[], Callable]:
     """Calls the method with the dt and args that are chosen, by what was kept of earlier calls."""
 
-    def make() -> Callable:
-        kept: dict[str, Any] = {}
+    def step(kept, acceleration, t, x, v, dt, args):
+        method, dt, args = choose(kept, float(dt), args)
+        x, v = method(acceleration, t, x, v, dt, args)
+        return np.array(x), np.array(v)
 
-        def step(acceleration, t, x, v, dt, args):
-            method, dt, args = choose(kept, float(dt), args)
-            x, v = method(acceleration, t, x, v, dt, args)
-            return np.array(x), np.array(v)
-
-        return step
-
-    return make
+    return _keeping(step)
 
 
 def _at_rest(acceleration, t, x, v, dt, args):
@@ -103,13 +100,13 @@ def _worn_out(kept, dt, args):
 
 KEPT = _mutants(
     {
-        "two-step method in a closure": _two_step_in_a_closure,
-        "acceleration kept in a closure": _stale_in_a_closure,
+        "two-step method in a closure": _keeping(_two_step),
+        "acceleration kept in a closure": _keeping(_stale),
         "every hundredth step left out": _in_turn(_at_rest, *99 * [velocity_verlet]),
         "mean of all dt": _calling(_mean_dt),
         "first dt for good": _calling(_first_dt),
-        "noise of 1e-6": lambda: _noise(1e-6, None),
-        "noise of 1e-9, the same each time": lambda: _noise(1e-9, 1),
+        "noise of 1e-6": _noise(1e-6, None),
+        "noise of 1e-9, the same each time": _noise(1e-9, 1),
         "first args for good": _calling(_first_args),
         "wears out its args": _calling(_worn_out),
         "Euler every other step": _in_turn(velocity_verlet, semi_implicit_euler),
@@ -117,47 +114,38 @@ KEPT = _mutants(
 )
 
 
-def _in_own_arrays(count: int) -> Callable[[], Any]:
-    def make() -> Any:
-        arrays: dict[Any, Any] = {}
-        calls = [0]
+def in_own_arrays(count: int) -> Callable[[], Callable]:
+    def step(kept, acceleration, t, x, v, dt, args):
+        own = kept.setdefault(np.shape(x), np.empty((count, 2, *np.shape(x))))
+        kept["calls"] = place = (kept.get("calls", 0) + 1) % count
+        own[place] = velocity_verlet(acceleration, t, x, v, dt, args)
+        return own[place][0], own[place][1]
 
-        def step(acceleration, t, x, v, dt, args):
-            own = arrays.setdefault(np.shape(x), np.empty((count, 2, *np.shape(x))))
-            calls[0] = (calls[0] + 1) % count
-            own[calls[0]] = velocity_verlet(acceleration, t, x, v, dt, args)
-            return own[calls[0]][0], own[calls[0]][1]
-
-        return step
-
-    return make
+    return _keeping(step)
 
 
-def _last_acceleration(is_known: Callable[[Any, Any], bool]) -> Callable[[], Any]:
-    def make() -> Any:
-        last: dict[str, Any] = {}
+def last_acceleration(is_known: Callable, copy: Callable = lambda x: x) -> Callable[[], Callable]:
+    """What it knows of a state from its last call; right if it keeps a copy and compares that."""
 
-        def step(acceleration, t, x, v, dt, args):
-            x, v = np.asarray(x), np.asarray(v)
-            known = "x" in last and is_known(last["x"], x)
-            a = last["a"] if known else np.array(acceleration(t, x, v, args))
-            x_new = x + dt * v + dt**2 / 2 * a
-            a_new = np.array(acceleration(t + dt, x_new, v + dt * a, args))
-            v_new = v + dt / 2 * (a + a_new)
-            last.update(x=x_new, a=np.array(acceleration(t + dt, x_new, v_new, args)))
-            return x_new, v_new
+    def step(kept, acceleration, t, x, v, dt, args):
+        x, v = np.asarray(x), np.asarray(v)
+        known = kept and is_known(kept["x"], x)
+        a = kept["a"] if known else np.array(acceleration(t, x, v, args))
+        x_new = x + dt * v + dt**2 / 2 * a
+        a_new = np.array(acceleration(t + dt, x_new, v + dt * a, args))
+        v_new = v + dt / 2 * (a + a_new)
+        kept.update(x=copy(x_new), a=np.array(acceleration(t + dt, x_new, v_new, args)))
+        return x_new, v_new
 
-        return step
-
-    return make
+    return _keeping(step)
 
 
 IN_ARRAYS = _mutants(
     {
-        "in one array of its own": _in_own_arrays(1),
-        "in two arrays of its own": _in_own_arrays(2),
-        "in three arrays of its own": _in_own_arrays(3),
-        "acceleration of the same array": _last_acceleration(lambda last, x: last is x),
-        "acceleration of shared memory": _last_acceleration(np.shares_memory),
+        "in one array of its own": in_own_arrays(1),
+        "in two arrays of its own": in_own_arrays(2),
+        "in three arrays of its own": in_own_arrays(3),
+        "acceleration of the same array": last_acceleration(lambda last, x: last is x),
+        "acceleration of shared memory": last_acceleration(np.shares_memory),
     }
 )
