@@ -140,12 +140,7 @@ _HINTS = {
 
 
 def symmetry(examination: Examination, check: str) -> Finding:
-    """Whether the ropes of each pair move in the same way; the first that do not are told.
-
-    What an iteration or steps inside the step leave that end at a tolerance need not: the tolerance
-    has a unit, or is a part of a number that another motion adds to. That is no fault where it is
-    small beside the error of the step.
-    """
+    """Whether the ropes of each pair move in the same way; the first that do not are told."""
     for pair in SYMMETRIES[check]():
         finding = _compared(examination, check, pair)
         if finding.status == "fail":

@@ -2,9 +2,9 @@
 
 A step that makes a few sweeps of an iteration breaks symmetries by what the iteration leaves. That
 is no fault where it is of higher order than the method itself: then it changes no digit of the
-error as dt goes to 0. Nor is what an iteration leaves, or steps inside the step, that end at a
-tolerance: the tolerance has a unit, or is a part of a number that another motion adds to. That is
-no fault where it is small beside the error of the step.
+error as dt goes to 0. Nor is what a tolerance leaves, of an iteration or of steps inside the step,
+where it is small beside the error of the step: the tolerance has a unit, or is a part of a number
+that another motion adds to.
 """
 
 from __future__ import annotations
