@@ -27,9 +27,7 @@ from tabulate import tabulate
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from ropeode.checking import CHECKS, SLOW
-from tests.checking.mutants.all import MUTANTS, REFUSED, rejected_by
-from tests.checking.mutants.loops import LOOPS
-from tests.checking.mutants.survivors import SURVIVORS
+from tests.checking.mutants.all import LOOPS, MUTANTS, REFUSED, SURVIVORS, rejected_by
 
 Record = dict[str, dict[str, Any]]
 

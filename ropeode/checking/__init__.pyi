@@ -24,9 +24,9 @@ from .report import Diagnosis as Diagnosis
 from .report import Finding as Finding
 from .report import Status as Status
 from .report import Verdict as Verdict
+from .starter_files import ASSIGNMENTS as ASSIGNMENTS
+from .starter_files import write_assignment as write_assignment
 from .starter_files import write_start as write_start
-from .starter_files.assignments import ASSIGNMENTS as ASSIGNMENTS
-from .starter_files.assignments import write_assignment as write_assignment
 from .time_limit import OutOfTime as OutOfTime
 from .time_limit import kept_output as kept_output
 from .time_limit import within as within

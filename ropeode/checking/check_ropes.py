@@ -312,9 +312,7 @@ def in_other_units(problem: Problem, units: float = UNITS) -> Problem:
         problem: of the family.
         units: how many of the new units make an old one.
     """
-    args = problem.args
-    scaled = {name: getattr(args, name) * units for name in ("rest_length", "gravity", "drive")}
-    return problem.changed(y0=problem.y0 * units, args=args._replace(**scaled))
+    return Units(length=units).of(problem)
 
 
 class Units(NamedTuple):

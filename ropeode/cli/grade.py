@@ -28,7 +28,7 @@ from ropeode.terminal import (
 )
 from ropeode.validation import bad_value
 
-# As `ropeode.checking.starter_files.assignments` has them, which imports JAX.
+# As `ropeode.checking.starter_files` has them, which imports JAX.
 ASSIGNMENTS = ("games101",)
 
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable
+from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
 import jax
@@ -26,31 +29,13 @@ def explicit(stages: list[list[float]], weights: list[float]) -> Callable:
     return step
 
 
-# J. C. Butcher, Numerical Methods for Ordinary Differential Equations (2008), section 23.
+def _numbers(row: str) -> list[float]:
+    return [float(Fraction(number)) for number in row.split(", ") if number]
+
+
 TABLEAUS: dict[str, tuple[int, list[list[float]], list[float]]] = {
-    "ralston": (2, [[], [2 / 3]], [1 / 4, 3 / 4]),
-    "kutta3": (3, [[], [1 / 2], [-1, 2]], [1 / 6, 2 / 3, 1 / 6]),
-    "heun3": (3, [[], [1 / 3], [0, 2 / 3]], [1 / 4, 0, 3 / 4]),
-    "ssprk3": (3, [[], [1], [1 / 4, 1 / 4]], [1 / 6, 1 / 6, 2 / 3]),
-    "bogacki-shampine": (3, [[], [1 / 2], [0, 3 / 4]], [2 / 9, 1 / 3, 4 / 9]),
-    "three-eighths": (4, [[], [1 / 3], [-1 / 3, 1], [1, -1, 1]], [1 / 8, 3 / 8, 3 / 8, 1 / 8]),
-    "ralston4": (
-        4,
-        [
-            *([], [0.4], [0.29697760924775360, 0.15875964497103583]),
-            [0.21810038822592047, -3.0509651486929308, 3.8328647604670103],
-        ],
-        [0.17476028226269037, -0.55148066287873294, 1.2055355993965235, 0.17118478121951903],
-    ),
-    "dormand-prince5": (
-        5,
-        [
-            *([], [1 / 5], [3 / 40, 9 / 40], [44 / 45, -56 / 15, 32 / 9]),
-            [19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729],
-            [9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656],
-        ],
-        [35 / 384, 0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84],
-    ),
+    name: (it["order"], [_numbers(row) for row in it["stages"]], _numbers(it["weights"]))
+    for name, it in tomllib.loads((Path(__file__).parent / "tableaus.toml").read_text()).items()
 }
 
 

@@ -17,21 +17,13 @@ STEPS = (8, 12, 16, 24, 32, 48, 64, 96)
 def test_numbers_are_right_to_their_spread(seed):
     """Changes drawn at random, of one to three parameters, of a rope on which all of them show."""
     draw = np.random.default_rng(seed)
+    uniform = {"mass": 1.3, "stiffness": 3.7, "rest_length": 0.8, "damping": 0.45, "pinned": (1,)}
+    v0 = np.random.default_rng(6).normal(size=(5, 3))
     problem = check_rope(
-        "uniform",
-        generic().y0[0],
-        (0.0, 0.4, 0.8, 1.2),
-        v0=np.random.default_rng(6).normal(size=(5, 3)),
-        mass=1.3,
-        stiffness=3.7,
-        rest_length=0.8,
-        damping=0.45,
-        gravity=(0.3, -0.8, 0.2),
-        pinned=(1,),
+        "uniform", generic().y0[0], 0.4 * np.arange(4), v0=v0, gravity=(0.3, -0.8, 0.2), **uniform
     )
-    names = draw.choice(
-        ["damping", "stiffness", "rest_length", "gravity"], draw.integers(1, 4), replace=False
-    )
+    free = ["damping", "stiffness", "rest_length", "gravity"]
+    names = draw.choice(free, draw.integers(1, 4), replace=False)
     factor = {name: float(draw.uniform(0.5, 1.6)) for name in names}
     changed = {name: by * getattr(problem.args, name) for name, by in factor.items()}
     other = problem.changed(args=problem.args._replace(**changed))

@@ -9,8 +9,9 @@ import pytest
 from ropeode.checking import Claims, Examination, diagnose_stepper
 from ropeode.steppers import Stepper
 from tests.checking.mutants.all import MUTANTS
+from tests.checking.mutants.mutant import BY_HAND
 from tests.checking.right_steppers import RIGHT
-from tests.checking.steps import forces
+from tests.checking.steps import accelerations
 from tests.theory.test_stability_function import Ramp
 
 
@@ -34,27 +35,25 @@ def semi_implicit(acceleration, change_dt=lambda dt: dt):
     return step
 
 
-def right(x, v, args, *pulls):
-    return forces(x, v, args, *pulls) / args.mass[:, None]
-
-
 def with_args(**change):
     """The rope with other numbers."""
     return semi_implicit(
-        lambda x, v, args: right(
+        lambda x, v, args: accelerations(
             x, v, args._replace(**{name: new(args) for name, new in change.items()})
         )
     )
 
 
 def added(extra):
-    return semi_implicit(lambda x, v, args: right(x, v, args) + extra(x, v, args))
+    return semi_implicit(lambda x, v, args: accelerations(x, v, args) + extra(x, v, args))
 
 
 def springs(law):
     """Springs with another law for their force along the unit vector."""
     return semi_implicit(
-        lambda x, v, args: right(x, v, args, lambda length, args: law(length, args) / length)
+        lambda x, v, args: accelerations(
+            x, v, args, lambda length, args: law(length, args) / length
+        )
     )
 
 
@@ -87,22 +86,22 @@ class OfItsRun(Stepper):
 
 # Steps, by what is said of them.
 EQUATIONS = {
-    "gravity is (0, -9.81, 0) on every rope, whatever the problem says": with_args(
-        gravity=lambda a: np.array([0.0, -9.81, 0.0])
-    ),
     "gravity is 30% too small; the damping is left out": with_args(
         damping=lambda a: 0 * a.damping, gravity=lambda a: 0.7 * a.gravity
     ),
-    "the mass is counted half at node 4 (": with_args(
-        mass=lambda a: a.mass * np.where(np.arange(len(a.mass)) == 4, 0.5, 1.0)
-    ),
+    "the driving force is that of t + 0.001 (": at(lambda t: t + 1e-3),
+}
+RARER = {
     "the mass is (1.3, 0.6, 1.7, 0.9) at 0, 2, 3 and 4 on every rope": with_args(
         mass=lambda a: np.array([1.3, 0.8, 0.6, 1.7, 0.9])
     ),
-    "the driving force is that of t + 0.001 (": at(lambda t: t + 1e-3),
     "the driving force is the one of t = 0 at the start of each run": OfItsRun,
-}
-RARER = {
+    "the mass is counted half at node 4 (": with_args(
+        mass=lambda a: a.mass * np.where(np.arange(len(a.mass)) == 4, 0.5, 1.0)
+    ),
+    "gravity is (0, -9.81, 0) on every rope, whatever the problem says": with_args(
+        gravity=lambda a: np.array([0.0, -9.81, 0.0])
+    ),
     "at node 3 alone, and by no combination of factors": added(
         lambda x, v, args: 0.01 * np.eye(5)[:, 3:4] * np.sin(7.0 * x)
     ),
@@ -174,12 +173,12 @@ def weights_of(each):
 
 
 def in_decimals(acceleration, t, x, v, dt, args):
-    v = np.round(v + dt * args.free[:, None] * right(x, v, args), 7)
+    v = np.round(v + dt * accelerations(x, v, args), 7)
     return np.round(x + dt * v, 7), v
 
 
 def with_dt(change):
-    return semi_implicit(right, change)
+    return semi_implicit(accelerations, change)
 
 
 def float32(name):
@@ -189,14 +188,14 @@ def float32(name):
 # By what the first line says: the step, its order, and the causes.
 CAUSES = {
     "returns the velocities first": (swapped, 1, ["swapped"]),
-    "velocity, which is (x_new - x)/dt": (mean_velocity, 2, ["equation"]),
     "its slopes times 11/10": (weights_of(0.55), 2, ["pace"]),
-    "start of the method is of order 2": (Ramp, 4, ["start"]),
     "this is explicit-euler; its order is 1": ("explicit-euler", 2, ["order"]),
     "dt is rounded to float32: the": (with_dt(lambda dt: float(np.float32(dt))), 1, ["float32"]),
     "above 0.0166667 give the same": (with_dt(lambda dt: min(dt, 1 / 60)), 1, ["step-size"]),
 }
 RARER_CAUSES = {
+    "velocity, which is (x_new - x)/dt": (mean_velocity, 2, ["equation"]),
+    "start of the method is of order 2": (Ramp, 4, ["start"]),
     "of the beginning of the step": ("stormer-verlet:damping=lagged", 2, ["lagged-damping"]),
     "off by 2.0e-07 of itself": (weights_of(0.5000001), 2, ["digits"]),
     "v3 becomes 0.1 v2 + 0.8 v3 + 0.1 v4": (smoothed, 1, ["identity"]),
@@ -234,45 +233,18 @@ def test_rounding_to_decimals_is_no_other_equation():
     assert "solves another equation" not in found.line
 
 
-# Mutants that change the equation, with what is said of them.
-NAMED = {
-    "own_euler: one-ended spring": "the spring force is left out at the second node of each spring",
-    "own_euler: missing mass": "the mass is left out: forces are not divided by it",
-    "own_euler: mass of the first node": "the mass of the first node is taken for all",
-    "own_euler: integer rest length": "the rest length is truncated to a whole number",
-    "own_euler: springs only pull": "a force of slack springs is left out",
-    "own_verlet: drag by the square of the speed": "with the square of the speed (coefficient -1 ",
-    "velocity_verlet: speed limit of 1": "each component of the velocity is at most 1",
-    "own_euler: length in the plane": "divided by a length of x and y alone",
-    "own_euler: gravity along y only": "the x component of gravity is left out; the z component",
-    "own_euler: damping of the speed along the spring only": "there is a dashpot along each spring",
-    "own_euler: only the first node pinned": "pinned nodes are accelerated; node 0 is held",
-    "own_euler: mass times force": "the mass multiplies forces in place of dividing them",
-    "own_euler: force not by direction": "direction is not divided by the length",
-    "own_verlet: positions updated node by node, forces computed between": "updated in place",
-    "semi_implicit_euler: time stands still": "the driving force is the one of t = 0",
-    "semi_implicit_euler: growth of 1e-3": "0.001 times the velocity too much",
-    "velocity_verlet: dt once": "positions change by 0.5 dt times the acceleration",
-    "velocity_verlet: no second-order term": "0 in place of 1/2 as the factor of dt^2 k1",
-    "leapfrog: half a drift": "positions move with 0.5 times the velocity",
-    "heun: second stage at t": "with all slopes taken at time t",
-    "heun: first slope only": "this is explicit-euler; its order is 1 (declared: 2)",
-    "rk4: weights 1 2 2 2": "this is RK4 with b4 = 1/3 in place of 1/6",
-    "rk4: weights 1 4 1": "k2 used twice in the result in place of k3",
-    "StormerVerlet: velocity from behind": "its velocities are those of 0.5 dt earlier",
-    "StormerVerlet: starts without acceleration": "velocities are off by 0.5 dt times the accel",
-    "explicit_euler: velocity overwritten": "the new velocities do not contain the old ones",
-}
+SAID = BY_HAND["diagnosis"]
 
 
-@pytest.mark.parametrize("name", mostly_slow(NAMED, ["own_euler: one-ended spring"]))
+@pytest.mark.parametrize("name", mostly_slow(SAID, ["own_euler: one-ended spring"]))
 def test_mutants_are_named(name):
     mutant = MUTANTS[name]
     found = diagnosed(mutant.make(), mutant.claims["expected_order"])
-    assert NAMED[name] in "; ".join(each.line for each in found)
+    assert SAID[name] in "; ".join(each.line for each in found)
 
 
-@pytest.mark.parametrize("name", mostly_slow(RIGHT, ["ropeode rk4"]))
+@pytest.mark.slow
+@pytest.mark.parametrize("name", RIGHT)
 def test_nothing_is_said_of_right_steppers(name):
     step, claims = RIGHT[name]
     (found,) = diagnosed(step, claims.get("expected_order"))

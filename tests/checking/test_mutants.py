@@ -8,12 +8,18 @@ from pathlib import Path
 import pytest
 
 from ropeode.checking import CHECKS
-from tests.checking.mutants.all import AT_LAST, MUTANTS, REFUSED, UNCLAIMED, rejected_by
-from tests.checking.mutants.loops import LOOPS
+from tests.checking.mutants.all import (
+    AT_LAST,
+    LOOPS,
+    MUTANTS,
+    REFUSED,
+    SURVIVORS,
+    UNCLAIMED,
+    rejected_by,
+)
+from tests.checking.mutants.kept import KEPT
 from tests.checking.mutants.mutant import from_source, source_of
 from tests.checking.mutants.originals import trajectory
-from tests.checking.mutants.rare import KEPT
-from tests.checking.mutants.survivors import SURVIVORS
 
 # Made by benchmarks/mutants.py, with all checks.
 RECORD = {
@@ -26,7 +32,7 @@ RECORD = {
 # Every so many-th mutant is checked again, by the cheapest of the checks that reject it: a few
 # steps or the runs of one problem, rather than long runs and derivatives. Of those, and of the
 # programs, every so many-th is checked at each change; the others are slow tests.
-EVERY, EVERY_FAST = 9, 13
+EVERY, EVERY_FAST = 9, 25
 LAST = ("symplectic", *AT_LAST)
 ORDERS = tuple(name for name in CHECKS if name.startswith("order-"))
 CHEAP = [name for name in CHECKS if name not in (*ORDERS, *LAST, *UNCLAIMED)] + [*ORDERS]

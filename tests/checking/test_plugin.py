@@ -2,30 +2,28 @@
 
 from __future__ import annotations
 
+import os
+import re
+import shutil
+import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
+from pathlib import Path
 
 import pytest
 
 # Here, because pytester forgets what its runs import, and NumPy loads no compiled module twice.
 import scipy.special  # noqa: F401
+import yaml
 
 pytest_plugins = ["pytester"]
 
 STEPS = """
 import pytest
 from ropeode.checking import CHECKS
+from tests.checking.mutants.originals import explicit_euler as euler, velocity_verlet as verlet
 
 pytestmark = pytest.mark.ropeode(time_limit=1e6)
-
-def verlet(acceleration, t, x, v, dt, args):
-    a = acceleration(t, x, v, args)
-    x_new = x + dt * v + dt**2 / 2 * a
-    a_new = acceleration(t + dt, x_new, v + dt * a, args)
-    return x_new, v + dt / 2 * (a + a_new)
-
-def euler(acceleration, t, x, v, dt, args):
-    return x + dt * v, v + dt * acceleration(t, x, v, args)
 
 def broken(acceleration, t, x, v, dt, args):
     return y, v
@@ -80,7 +78,7 @@ def test_verdicts_reports_and_properties(pytester):
     result.assert_outcomes(passed=4, failed=4)
     text = result.stdout.str()
     for words in (
-        "Check of euler: claimed to be of order 2",
+        "Check of explicit_euler: claimed to be of order 2",
         "Wrong: 1 of 1 check fails (order-driven). On the problem",
         "energy grows to",
         "claimed to stay bounded",
@@ -98,8 +96,10 @@ def test_verdicts_reports_and_properties(pytester):
         for case in tree.iter("testcase")
         for each in case.iter("property")
     }
-    assert abs(found["test_order", "ropeode.verlet.order-driven.position"] - 2.0) < 0.05
-    assert abs(found["test_wrong_order", "ropeode.euler.order-driven.velocity"] - 1.0) < 0.2
+    assert abs(found["test_order", "ropeode.velocity_verlet.order-driven.position"] - 2.0) < 0.05
+    assert (
+        abs(found["test_wrong_order", "ropeode.explicit_euler.order-driven.velocity"] - 1.0) < 0.2
+    )
 
 
 def test_options(pytester):
@@ -107,7 +107,7 @@ def test_options(pytester):
     options = ("--ropeode-quick", "--ropeode-skip", "pins,float32", "--ropeode-format", "markdown")
     result = pytester.runpytest(*options)
     result.assert_outcomes(passed=1, failed=1)
-    result.stdout.fnmatch_lines(["# Check of euler*", "| WRONG*"])
+    result.stdout.fnmatch_lines(["# Check of explicit_euler*", "| WRONG*"])
 
 
 @pytest.mark.slow
@@ -126,3 +126,37 @@ def test_it_costs_nothing_where_it_is_not_used(pytester):
     assert "jax" in sys.modules  # here it is, so that the test above can fail
     result = pytester.runpytest("--markers")
     result.stdout.fnmatch_lines(["@pytest.mark.ropeode(*"])
+
+
+# The example of docs/howto/ci.md, run as a service runs it.
+DOCS = Path(__file__).parents[2] / "docs"
+FENCE = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+SHOWN = dict(FENCE.findall((DOCS / "howto/ci.md").read_text()))
+(JOB,) = yaml.safe_load(SHOWN["yaml"])["jobs"].values()
+# What is run in the project itself; the installation has taken place.
+COMMANDS = [
+    step["run"] for step in JOB["steps"] if "run" in step and "working-directory" not in step
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("file", "codes", "says"),
+    [("steps.py", [0, 0, 0], "velocity_verlet"), ("lagged.py", [1, 1, 0], "WRONG")],
+)
+def test_the_job_passes_a_right_stepper_and_shows_the_report_on_a_wrong_one(
+    file, codes, says, tmp_path
+):
+    shutil.copy(DOCS / "examples" / file, tmp_path / "steps.py")
+    (tmp_path / "test_steps.py").write_text(SHOWN["py"])
+    environment = {
+        **os.environ,
+        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
+        "GITHUB_STEP_SUMMARY": str(tmp_path / "summary.md"),
+    }
+    for command, code in zip(COMMANDS, codes, strict=True):
+        done = subprocess.run(command, shell=True, cwd=tmp_path, env=environment)
+        assert done.returncode == code
+    assert says in (tmp_path / "summary.md").read_text()
+    orders = (tmp_path / "orders.xml").read_text()
+    assert 'name="ropeode.velocity_verlet.order-driven.position"' in orders

@@ -8,23 +8,14 @@ from collections.abc import Callable
 from ropeode.checking.check_context import Examination
 from ropeode.checking.checks.conservation import energy, free_flight, momentum, pins
 from ropeode.checking.checks.error_constant import predicted
-from ropeode.checking.checks.far_states import far_states
 from ropeode.checking.checks.orders import order
 from ropeode.checking.checks.rounding import float32, zero_length
 from ropeode.checking.checks.scales import scales
 from ropeode.checking.checks.side_effects import determinism, first_sample, purity
-from ropeode.checking.checks.sizes import sizes
 from ropeode.checking.checks.stability import stability
 from ropeode.checking.checks.structure import reversible, symplectic
-from ropeode.checking.checks.symmetry import (
-    boost,
-    mirror,
-    node_order,
-    rotation,
-    time_shift,
-    translation,
-    units,
-)
+from ropeode.checking.checks.symmetry import SYMMETRIES, symmetry
+from ropeode.checking.checks.unusual import far_states, sizes
 from ropeode.checking.report import Finding
 
 Check = Callable[[Examination], Finding]
@@ -42,13 +33,7 @@ CHECKS: dict[str, Check] = {
     "free-flight": free_flight,
     "pins": pins,
     "momentum": momentum,
-    "translation": translation,
-    "boost": boost,
-    "rotation": rotation,
-    "mirror": mirror,
-    "node-order": node_order,
-    "time-shift": time_shift,
-    "units": units,
+    **{name: functools.partial(symmetry, check=name) for name in SYMMETRIES},
     "scales": scales,
     "sizes": sizes,
     "far-states": far_states,

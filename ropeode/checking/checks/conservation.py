@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import functools
-
 import numpy as np
 
 from ropeode.checking.check_context import Examination
 from ropeode.checking.check_ropes import convergence_problems, held, swing
-from ropeode.checking.checks.vanishing import cut_off, falling_power, is_harmless, is_small
+from ropeode.checking.checks.vanishing import judged
 from ropeode.checking.energy_drift import measure_drift
 from ropeode.checking.report import Finding, as_claimed, exactly, passed_if
-from ropeode.simulation import step_size
 
 _STEPS = 16
 # Pinned nodes move by rounding at most, as a part of the rope's size.
@@ -85,30 +82,24 @@ def momentum(examination: Examination) -> Finding:
     """
     problem = convergence_problems()["free"]
 
-    @functools.cache
     def change(steps: int) -> float:
+        """As a part of the sum of the nodes' momenta."""
         states = examination.run(problem, steps)
         each = problem.args.mass[:, None] * states[:, 1]
         total = np.sum(each, axis=1)
         size = float(np.max(np.sum(np.abs(each), axis=1)))
         return float(np.max(np.abs(total - total[0]))) / size
 
-    changed = change(_STEPS)
-    if changed <= _MOMENTUM_TOLERANCE:
-        line = f"the momentum of a free rope is constant to {changed:.1e}"
-        return Finding("momentum", "pass", line, {"changed": changed})
-    power = falling_power(change)
-    line = f"the momentum of a free rope changes by {changed:.1e} of the nodes' momenta"
-    if is_small(change, examination, problem):
-        line += ", which is small beside the error of the step"
-        return Finding("momentum", "pass", line, {"changed": changed, "power": power})
-    return passed_if(
-        is_harmless(power, examination, problem),
+    return judged(
         "momentum",
-        f"{line} at dt = {step_size(problem, _STEPS):.3g}, and by {cut_off(power)}",
-        line,
-        changed=changed,
-        power=power,
+        examination,
+        problem,
+        change,
+        steps=_STEPS,
+        allowed=_MOMENTUM_TOLERANCE,
+        good="the momentum of a free rope is constant to {}",
+        bad="the momentum of a free rope changes by {} of the nodes' momenta",
+        evidence="changed",
     )
 
 

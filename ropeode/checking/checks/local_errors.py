@@ -44,6 +44,22 @@ class LocalErrors(NamedTuple):
     left: np.ndarray
     node: np.ndarray
 
+    def too_large(self, usual: np.ndarray) -> tuple[int, int] | None:
+        """The state and the size with the first error that is much larger than others."""
+        wrong = np.argwhere(~(self.errors <= _MORE * usual + self.left))
+        return (int(wrong[0, 0]), int(wrong[0, 1])) if len(wrong) else None
+
+    def words(self, state: int, size: int, usual: float) -> str:
+        """An error beside the usual one."""
+        error = self.errors[state, size]
+        errs = f"errs by {error:.1e} of its way"
+        if not np.isfinite(error):
+            errs = "returns a number that is not finite (nan or infinite)"
+        return (
+            f"a step (dt = {self.dt[state, size]:.2g}) {errs}, most at node "
+            f"{self.node[state, size]}, where {usual:.1e} is usual"
+        )
+
 
 def local_errors(problem: Problem, method: Method, y: np.ndarray, steps: np.ndarray) -> LocalErrors:
     """Those of single steps from several states of a rope without a drive.
@@ -93,29 +109,16 @@ def single_steps(
     return StepSamples(problem, method).after(t, y, dt, 1)[:, :, 1]
 
 
-def usual_errors(problem: Problem, method: Method) -> np.ndarray:
-    """The errors of steps of `LENGTHS` from states as a rope comes to, ``(sizes,)``."""
+def usual_errors(problem: Problem, method: Method) -> np.ndarray | None:
+    """The errors of steps of `LENGTHS` from states as a rope comes to, ``(sizes,)``.
+
+    None where a step from one of these does not move along the solution at all.
+    """
     random = np.random.default_rng(0)
     size = np.array([0.1, 0.5])[:, None, None] * problem.args.free[:, None]
     states = problem.y0 + size * random.normal(size=(_USUAL, *problem.y0.shape))
-    return np.median(local_errors(problem, method, states, LENGTHS).errors, axis=0)
-
-
-def has_usual_errors(usual: np.ndarray) -> bool:
-    """Whether a step from a usual state moves along the solution at all."""
-    return bool(np.all(usual < 1.0))
-
-
-def too_large(found: LocalErrors, usual: np.ndarray) -> np.ndarray:
-    """Which errors are much larger than others, ``(states, sizes)``."""
-    return ~(found.errors <= _MORE * usual + found.left)
-
-
-def errs_by(error: float) -> str:
-    """By how much a step errs, in words."""
-    if not np.isfinite(error):
-        return "returns a number that is not finite (nan or infinite)"
-    return f"errs by {error:.1e} of its way"
+    usual = np.median(local_errors(problem, method, states, LENGTHS).errors, axis=0)
+    return usual if np.all(usual < 1.0) else None
 
 
 def why_unknown(error: UserCodeError) -> str:

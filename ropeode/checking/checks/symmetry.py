@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,19 +17,11 @@ from ropeode.checking.check_ropes import (
     renumbered,
 )
 from ropeode.checking.checks.local_errors import single_steps, why_unknown
-from ropeode.checking.checks.vanishing import (
-    POWER_TOLERANCE,
-    STEPS,
-    cut_off,
-    falling_power,
-    is_harmless,
-    is_small,
-)
+from ropeode.checking.checks.vanishing import judged
 from ropeode.checking.report import Finding
 from ropeode.checking.time_limit import within
 from ropeode.errors import UserCodeError
 from ropeode.problems import Problem
-from ropeode.simulation import step_size
 
 _STEPS = 10
 # As a part of the rope's size: rounding is three digits smaller, and an asymmetric formula
@@ -52,88 +44,132 @@ _PER_TIME = 1e-9
 _LATE = 1e4
 
 
-def translation(examination: Examination) -> Finding:
-    """A translated rope moves in the same way."""
-    shift = np.stack([_SHIFT, 0.0 * _SHIFT])[None, :, None]
-    return _moved(examination, "translation", generic(), shift, "that is translated")
+class Pair(NamedTuple):
+    """Two ropes that move in the same way.
+
+    Fields:
+        rope: one of them.
+        other: the other one.
+        back: makes states of the first rope of those of the other.
+        words: what sets the other one apart.
+        tolerance: what rounding may leave, as a part of the rope's size.
+    """
+
+    rope: Problem
+    other: Problem
+    back: Callable[[np.ndarray], np.ndarray]
+    words: str
+    tolerance: float = _TOLERANCE
 
 
-def boost(examination: Examination) -> Finding:
-    """A free rope in a uniformly moving frame of reference moves in the same way."""
+def _translated() -> Iterator[Pair]:
+    yield _moved(generic(), np.stack([_SHIFT, 0.0 * _SHIFT])[None, :, None], "that is translated")
+
+
+def _boosted() -> Iterator[Pair]:
+    """A free rope in a uniformly moving frame of reference."""
     problem = convergence_problems()["free"]
     since = problem.ts - problem.ts[0]
-    flown = np.stack([np.outer(since, _SHIFT), np.tile(_SHIFT, (len(since), 1))], axis=1)[
-        :, :, None
-    ]
-    words = "in a uniformly moving frame of reference"
-    return _moved(examination, "boost", problem, flown, words)
+    flown = np.stack([np.outer(since, _SHIFT), np.tile(_SHIFT, (len(since), 1))], axis=1)
+    yield _moved(problem, flown[:, :, None], "in a uniformly moving frame of reference")
 
 
-def rotation(examination: Examination) -> Finding:
-    """A rope that is rotated together with gravity moves in the same way."""
+def _moved(problem: Problem, shift: np.ndarray, words: str) -> Pair:
+    """By a shift of the states at the sample times, ``(times or 1, 2, 1, dim)``."""
+    other = problem.changed(y0=problem.y0 + shift[0])
+    return Pair(problem, other, lambda states: states - shift, words, _TOLERANCE_ELSEWHERE)
+
+
+def _rotated() -> Iterator[Pair]:
     turn = _orthogonal()
-    if np.linalg.det(turn) < 0:
-        turn = -turn
-    return _transformed(examination, "rotation", turn, "that is rotated together with gravity")
+    yield _turned(np.sign(np.linalg.det(turn)) * turn, "that is rotated together with gravity")
 
 
-def mirror(examination: Examination) -> Finding:
-    """A rope that is mirrored together with gravity moves in the same way."""
+def _mirrored() -> Iterator[Pair]:
     normal = _orthogonal()[0]
-    return _transformed(
-        examination,
-        "mirror",
-        np.eye(3) - 2.0 * np.outer(normal, normal),
-        "that is mirrored together with gravity",
-    )
+    turn = np.eye(3) - 2.0 * np.outer(normal, normal)
+    yield _turned(turn, "that is mirrored together with gravity")
 
 
-def node_order(examination: Examination) -> Finding:
-    """A rope whose nodes are numbered from the other end moves in the same way.
+def _orthogonal() -> np.ndarray:
+    return np.linalg.qr(np.random.default_rng(7).normal(size=(3, 3)))[0]
 
-    A method that sweeps over nodes or springs (Gauss and Seidel's iteration, a splitting) may
-    depend on their order, as long as the difference vanishes like its error or is small beside
-    that. A method that is claimed by name treats all nodes alike.
-    """
+
+def _turned(turn: np.ndarray, words: str) -> Pair:
     problem = generic()
+    args = problem.args._replace(gravity=turn @ problem.args.gravity)
+    other = problem.changed(y0=problem.y0 @ turn.T, args=args)
+    return Pair(problem, other, lambda states: states @ turn, words)
 
-    @functools.cache
-    def difference(steps: int) -> float:
-        others = examination.run(renumbered(problem), steps)[:, :, ::-1]
-        return _apart(problem, examination.run(problem, steps), others)
 
-    hint = "; are nodes updated one by one, from neighbours that have already moved?"
-    words = "numbered from the other end"
-    finding = _finding(examination, problem, "node-order", difference, words, hint)
-    if finding.status == "pass" or not examination.may_sweep:
-        return finding
-    power, finest = finding.evidence["power"], STEPS[-1]
-    line = f"a rope {words} moves differently, by {difference(finest):.1e} of its size"
-    line += f" at dt = {step_size(problem, finest):.3g}"
-    if power >= (examination.expected(problem) or 1) - POWER_TOLERANCE:
-        line += f", and by dt^{power:.1f} less at smaller dt: it sweeps over nodes or springs"
-        return Finding("node-order", "pass", line, finding.evidence)
+def _renumbered() -> Iterator[Pair]:
+    problem, words = generic(), "numbered from the other end"
+    yield Pair(problem, renumbered(problem), lambda states: states[:, :, ::-1], words)
+
+
+def _later() -> Iterator[Pair]:
+    """A rope without a drive, at other starting times."""
+    problem = generic().changed(ts=_FRAME * np.arange(len(generic().ts)))
+    for later in _LATER:
+        tolerance = _TOLERANCE if abs(later) < _LATE else _TOLERANCE_ELSEWHERE
+        other, words = problem.changed(ts=problem.ts + later), f"that starts at t = {later:g}"
+        yield Pair(problem, other, lambda states: states, words, tolerance)
+
+
+def _in_other_units() -> Iterator[Pair]:
+    # The textbook's lengths are integers, but not in another unit.
+    for problem in (convergence_problems()["textbook"], generic()):
+        other, words = in_other_units(problem), "in another unit of length"
+        yield Pair(problem, other, lambda states: states / UNITS, words)
+
+
+SYMMETRIES: dict[str, Callable[[], Iterator[Pair]]] = {
+    "translation": _translated,
+    "boost": _boosted,
+    "rotation": _rotated,
+    "mirror": _mirrored,
+    "node-order": _renumbered,
+    "time-shift": _later,
+    "units": _in_other_units,
+}
+# Where to look for the cause.
+_HINTS = {
+    "node-order": "; are nodes updated one by one, from neighbours that have already moved?",
+    "units": "; does the step contain a constant with a unit, or convert a length to an integer?",
+}
+
+
+def symmetry(examination: Examination, check: str) -> Finding:
+    """Whether the ropes of each pair move in the same way; the first that do not are told."""
+    for pair in SYMMETRIES[check]():
+        finding = _compared(examination, check, pair)
+        if finding.status == "fail":
+            return finding
+    if check == "time-shift":
+        return _at_many_times(examination) or finding
     return finding
 
 
-def time_shift(examination: Examination) -> Finding:
-    """A rope without a drive moves in the same way at any starting time."""
-    problem = generic().changed(ts=_FRAME * np.arange(len(generic().ts)))
-    for later in _LATER:
-        words = f"that starts at t = {later:g}"
-        shifted = problem.changed(ts=problem.ts + later)
-        finding = _compared(
-            examination,
-            "time-shift",
-            shifted,
-            lambda states: states,
-            words,
-            problem=problem,
-            tolerance=_TOLERANCE if abs(later) < _LATE else _TOLERANCE_ELSEWHERE,
-        )
-        if finding.status == "fail":
-            return finding
-    return _at_many_times(examination) or finding
+def _compared(examination: Examination, check: str, pair: Pair) -> Finding:
+    def difference(steps: int) -> float:
+        """The largest, as a part of the rope's size."""
+        others = pair.back(examination.run(pair.other, steps))
+        return float(np.max(np.abs(examination.run(pair.rope, steps) - others))) / pair.rope.scale
+
+    words = f"a rope {pair.words} moves"
+    return judged(
+        check,
+        examination,
+        pair.rope,
+        difference,
+        steps=_STEPS,
+        allowed=pair.tolerance,
+        good=f"{words} in the same way, to {{}} of its size",
+        bad=f"{words} differently, by {{}} of its size",
+        evidence="difference",
+        hint=_HINTS.get(check, ""),
+        sweeps=check == "node-order",
+    )
 
 
 def _at_many_times(examination: Examination) -> Finding | None:
@@ -161,120 +197,3 @@ def _at_many_times(examination: Examination) -> Finding | None:
     return Finding(
         "time-shift", "fail", f"{line}, whole periods of the drive away", {"t": t[first]}
     )
-
-
-def units(examination: Examination) -> Finding:
-    """A rope in another unit of length moves in the same way."""
-    textbook = convergence_problems()["textbook"]
-    # The textbook's lengths are integers, but not in another unit.
-    for problem in (textbook, generic()):
-        finding = _compared(
-            examination,
-            "units",
-            in_other_units(problem),
-            lambda states: states / UNITS,
-            "in another unit of length",
-            "; does the step contain a constant with a unit, or convert a length to an integer?",
-            problem,
-        )
-        if finding.status == "fail":
-            break
-    return finding
-
-
-def _orthogonal() -> np.ndarray:
-    return np.linalg.qr(np.random.default_rng(7).normal(size=(3, 3)))[0]
-
-
-def _moved(
-    examination: Examination, check: str, problem: Problem, shift: np.ndarray, words: str
-) -> Finding:
-    """Compare a run with one of the same rope elsewhere.
-
-    Arguments:
-        examination: of the stepper.
-        check: its name.
-        problem: the rope where it is.
-        shift: of the states at the sample times, ``(times or 1, 2, 1, dim)``.
-        words: for the finding.
-    """
-    other = problem.changed(y0=problem.y0 + shift[0])
-
-    def difference(steps: int) -> float:
-        moved = examination.run(other, steps) - shift
-        return _apart(problem, examination.run(problem, steps), moved)
-
-    return _finding(examination, problem, check, difference, words, tolerance=_TOLERANCE_ELSEWHERE)
-
-
-def _transformed(examination: Examination, check: str, turn: np.ndarray, words: str) -> Finding:
-    problem = generic()
-    other = problem.changed(
-        y0=problem.y0 @ turn.T,
-        args=problem.args._replace(gravity=turn @ problem.args.gravity),
-    )
-    return _compared(examination, check, other, lambda states: states @ turn, words)
-
-
-def _compared(
-    examination: Examination,
-    check: str,
-    other: Problem,
-    back: Callable[[np.ndarray], np.ndarray],
-    words: str,
-    hint: str = "",
-    problem: Problem | None = None,
-    tolerance: float = _TOLERANCE,
-) -> Finding:
-    """Compare a run of a problem (by default the generic one) with one of a transformed problem."""
-    own = problem or generic()
-
-    def difference(steps: int) -> float:
-        return _apart(own, examination.run(own, steps), back(examination.run(other, steps)))
-
-    return _finding(examination, own, check, difference, words, hint, tolerance)
-
-
-def _apart(problem: Problem, a: np.ndarray, b: np.ndarray) -> float:
-    """The largest difference between two runs, as a part of the rope's size."""
-    return float(np.max(np.abs(a - b))) / problem.scale
-
-
-def _finding(
-    examination: Examination,
-    problem: Problem,
-    check: str,
-    difference: Callable[[int], float],
-    words: str,
-    hint: str = "",
-    tolerance: float = _TOLERANCE,
-) -> Finding:
-    """Whether two ropes move in the same way.
-
-    What an iteration or steps inside the step leave that end at a tolerance need not: the tolerance
-    has a unit, or is a part of a number that another motion adds to. That is no fault where it is
-    small beside the error of the step.
-
-    Arguments:
-        examination: of the stepper.
-        problem: one of the ropes.
-        check: its name.
-        difference: between the two at a number of steps per frame.
-        words: what sets the other one apart.
-        hint: where to look for the cause.
-        tolerance: what rounding may leave, as a part of the rope's size.
-    """
-    found = difference(_STEPS)
-    evidence: dict[str, Any] = {"difference": found}
-    if found <= tolerance:
-        line = f"a rope {words} moves in the same way, to {found:.1e} of its size"
-        return Finding(check, "pass", line, evidence)
-    line = f"a rope {words} moves differently, by {found:.1e} of its size"
-    power = evidence["power"] = falling_power(difference)
-    at = f" at dt = {step_size(problem, _STEPS):.3g}"
-    if is_harmless(power, examination, problem):
-        return Finding(check, "pass", f"{line}{at}, and by {cut_off(power)}", evidence)
-    if is_small(difference, examination, problem):
-        line += f"{at}, which is small beside the error of the step, as where a tolerance ends it"
-        return Finding(check, "pass", line, evidence)
-    return Finding(check, "fail", line + hint, evidence)

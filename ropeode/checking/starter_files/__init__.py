@@ -13,14 +13,22 @@ from typing import Any
 import numpy as np
 
 from ropeode.checking.trajectories.layout import Layout, samples_of
+from ropeode.errors import InputError
 from ropeode.files import check_writable
 from ropeode.problems import ROPES, Problem, file_and_name
 from ropeode.study import TableJob
-from ropeode.validation import bad_value
+from ropeode.validation import bad_value, unknown
 
 # The coarsest step times omega of the stiffest spring between the lightest nodes, and the number of
 # step sizes.
 _COARSEST, _LEVELS = 0.8, 4
+# By assignment the problems of its specs, by name of the file. The first has the initial state.
+ASSIGNMENTS: dict[str, dict[str, dict[str, Any]]] = {
+    "games101": {
+        f"{name}.toml": {"kind": kind, "frames": 20, "rope": {"damping": 0.0}}
+        for name, kind in (("springs", "rope"), ("rigid", "inextensible-rope"))
+    },
+}
 
 
 def write_start(folder: str | Path, job: TableJob | None = None) -> list[str]:
@@ -36,10 +44,36 @@ def write_start(folder: str | Path, job: TableJob | None = None) -> list[str]:
     Raises:
         InputError: the folder exists, or cannot be created.
     """
-    return write_folder(folder, _texts(job or TableJob({})))
+    return _write_folder(folder, _texts(job or TableJob({})))
 
 
-def write_folder(folder: str | Path, texts: Mapping[str, str]) -> list[str]:
+def write_assignment(folder: str | Path, name: str) -> list[str]:
+    """Write the folder of files for an assignment, whole or not at all.
+
+    A spec for each kind of rope, the initial state, a program in C++ with all methods, and a page
+    that shows how to print a CSV file from the assignment's own classes.
+
+    Arguments:
+        folder: it must not exist yet.
+        name: one of `ASSIGNMENTS`.
+
+    Returns:
+        The paths of the files.
+
+    Raises:
+        InputError: there is no such assignment; the folder exists, or cannot be created.
+    """
+    if name not in ASSIGNMENTS:
+        raise InputError(unknown("assignment", name, ASSIGNMENTS))
+    jobs = {spec: TableJob(values) for spec, values in ASSIGNMENTS[name].items()}
+    texts = {spec: _spec_text(job) for spec, job in jobs.items()}
+    texts["initial.csv"] = _initial_state(next(iter(jobs.values())).problem)
+    texts["README.md"] = _template(f"{name}/page.md")
+    texts["rope.cpp"] = _template(f"{name}/rope.cpp")
+    return _write_folder(folder, texts)
+
+
+def _write_folder(folder: str | Path, texts: Mapping[str, str]) -> list[str]:
     """Write a folder of texts, whole or not at all.
 
     Arguments:
@@ -72,22 +106,22 @@ def write_folder(folder: str | Path, texts: Mapping[str, str]) -> list[str]:
 def _texts(job: TableJob) -> dict[str, str]:
     problem = job.problem
     texts = {
-        "spec.toml": spec_text(job),
-        "initial.csv": initial_state(problem),
+        "spec.toml": _spec_text(job),
+        "initial.csv": _initial_state(problem),
         "README.md": _page(problem),
     }
     if problem.parameters.get("kind") == "rope":
         numbers = "\n".join(_numbers(problem))
-        texts["rope.cpp"] = template("rope.cpp").replace("@NUMBERS@", numbers)
+        texts["rope.cpp"] = _template("rope.cpp").replace("@NUMBERS@", numbers)
     return texts
 
 
-def template(name: str) -> str:
+def _template(name: str) -> str:
     """The text of a file of this folder, which may have places to fill in."""
     return resources.files(__name__).joinpath(name).read_text(encoding="utf-8")
 
 
-def spec_text(job: TableJob) -> str:
+def _spec_text(job: TableJob) -> str:
     """A spec that does not depend on its folder."""
     lines = ["# The problem that the program should solve. `ropeode spec` lists all settings.", ""]
 
@@ -138,7 +172,7 @@ def _named(job: TableJob) -> str:
     return f"{path.resolve()}:{name}"
 
 
-def initial_state(problem: Problem) -> str:
+def _initial_state(problem: Problem) -> str:
     """The initial state as a CSV file."""
     return "\n".join([Layout.of(problem).headers[-1], *_initial_rows(problem), ""])
 
@@ -163,7 +197,7 @@ def _page(problem: Problem) -> str:
     both = "- Velocities are optional; without them only positions are graded.\n"
     # The program's page comes first: it has places to fill in itself.
     values = {
-        "PROGRAM": template("program.md") if own_program else "",
+        "PROGRAM": _template("program.md") if own_program else "",
         "GRADE": f"ropeode grade {files} --problem spec.toml --order 2",
         "RUNS": "\n".join(f"./rope {n} > rope-{n}.csv" for n in steps),
         "PROBLEM": f"The {problem.name} of `spec.toml`: {layout.nodes} nodes with {layout.dim} "
@@ -174,7 +208,7 @@ def _page(problem: Problem) -> str:
         "VELOCITIES": both if layout.mechanical else "",
         "ARRAYS": " and `velocities`" if layout.mechanical else "",
     }
-    text = template("page.md")
+    text = _template("page.md")
     for key, value in values.items():
         text = text.replace(f"@{key}@", value)
     return text.rstrip("\n") + "\n"

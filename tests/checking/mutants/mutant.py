@@ -5,11 +5,15 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import textwrap
-from collections.abc import Callable, Mapping
+import tomllib
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 from tests.checking.mutants import originals
 from tests.checking.mutants.originals import ORIGINALS
+
+BY_HAND = tomllib.loads((Path(__file__).parent / "by_hand.toml").read_text())
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,7 +45,6 @@ def source_of(original: Callable) -> str:
 
 def from_source(original: Callable, name: str, change: str, source: str) -> Mutant:
     """The mutant of an original that has another source text."""
-    family, claims = ORIGINALS[original]
 
     def make() -> Any:
         # What else the text names is what it names in the module of the originals.
@@ -49,51 +52,36 @@ def from_source(original: Callable, name: str, change: str, source: str) -> Muta
         exec(compile(source, f"<{name}>", "exec"), namespace)
         return namespace[original.__name__]
 
-    return Mutant(name, family, claims, change, make)
+    return Mutant(name, *ORIGINALS[original], change, make)
 
 
-# "old -> new", or several of them.
-Changes = str | tuple[str, ...]
-
-
-def by_hand(table: Mapping[Callable, Mapping[str, Changes]]) -> tuple[Mutant, ...]:
-    """Mutants made by hand.
-
-    Arguments:
-        table: of each of `ORIGINALS` the mistakes, in a few words, and what they change in its
-            source; each old text stands there once.
-    """
+def by_hand(kind: str) -> tuple[Mutant, ...]:
+    """The mutants of a kind in `by_hand.toml`, which says how they are written."""
     return tuple(
-        _replaced(original, what, (changes,) if isinstance(changes, str) else changes)
-        for original, mistakes in table.items()
-        for what, changes in mistakes.items()
+        _changed(getattr(originals, original), what, changes)
+        for original, mistakes in BY_HAND[kind].items()
+        for name, written in mistakes.items()
+        for what, changes in _for_each_number(name, written)
     )
 
 
-def _replaced(original: Callable, what: str, changes: tuple[str, ...]) -> Mutant:
+def _for_each_number(name: str, written: Any) -> Iterator[tuple[str, list[str]]]:
+    family = written if isinstance(written, dict) else {"n": [0], "change": written}
+    changes = family["change"] if isinstance(family["change"], list) else [family["change"]]
+    for n in family["n"]:
+        yield name.format(n=n), [each.format(n=n, **BY_HAND["words"]) for each in changes]
+
+
+def _changed(original: Callable, what: str, changes: list[str]) -> Mutant:
     source = source_of(original)
     for change in changes:
-        old, new = change.split(" -> ")
+        if " -> " in change:
+            old, new = change.split(" -> ")
+        else:
+            place, line = change.split(": ", 1)
+            old = BY_HAND["places"][place]
+            indent = old[: len(old) - len(old.lstrip())]
+            new = f"{indent}{line}\n{old}"
         assert source.count(old) == 1, f"{old!r} stands {source.count(old)} times"
         source = source.replace(old, new)
     return from_source(original, f"{original.__name__}: {what}", what, source)
-
-
-def before(text: str, *lines: str) -> str:
-    """The change that puts lines before a text, indented as it is."""
-    indent = text[: len(text) - len(text.lstrip())]
-    return f"{text} -> " + "".join(f"{indent}{line}\n" for line in lines) + text
-
-
-def at_end(*lines: str) -> str:
-    """The change that puts lines before a function returns."""
-    return before("    return x_new, v_new", *lines)
-
-
-def by_closure(original: Callable, made: Mapping[str, Callable[[], Any]]) -> tuple[Mutant, ...]:
-    """Mutants that are functions which keep something from call to call, made anew for each use."""
-    family, claims = ORIGINALS[original]
-    return tuple(
-        Mutant(f"{original.__name__}: {what}", family, claims, what, make)
-        for what, make in made.items()
-    )

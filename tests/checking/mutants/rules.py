@@ -42,24 +42,29 @@ def numbers(original: Callable) -> Iterator[Mutant]:
         yield _changed(original, node, repr(1.01 * value if value else 0.01), "number")
 
 
-def signs(original: Callable) -> Iterator[Mutant]:
-    """Every plus as a minus, and the other way round."""
+def _sums(original: Callable) -> Iterator[tuple[ast.BinOp, bool, str, str]]:
+    """Sums and differences: whether it is a sum, and its terms."""
     for node in _places(original, ast.BinOp):
         if isinstance(node.op, ast.Add | ast.Sub):
-            other = "-" if isinstance(node.op, ast.Add) else "+"
-            left, right = ast.unparse(node.left), ast.unparse(node.right)
-            yield _changed(original, node, f"({left} {other} ({right}))", "sign")
+            yield (
+                node,
+                isinstance(node.op, ast.Add),
+                ast.unparse(node.left),
+                ast.unparse(node.right),
+            )
+
+
+def signs(original: Callable) -> Iterator[Mutant]:
+    """Every plus as a minus, and the other way round."""
+    for node, is_sum, left, right in _sums(original):
+        yield _changed(original, node, f"({left} {'-' if is_sum else '+'} ({right}))", "sign")
 
 
 def terms(original: Callable) -> Iterator[Mutant]:
     """Every term of a sum left out."""
-    for node in _places(original, ast.BinOp):
-        if isinstance(node.op, ast.Add | ast.Sub):
-            kept = {"without the second term": node.left}
-            if isinstance(node.op, ast.Add):
-                kept["without the first term"] = node.right
-            for term in kept.values():
-                yield _changed(original, node, f"({ast.unparse(term)})", "term")
+    for node, is_sum, left, right in _sums(original):
+        for kept in (left, right) if is_sum else (left,):
+            yield _changed(original, node, f"({kept})", "term")
 
 
 def names(original: Callable) -> Iterator[Mutant]:
