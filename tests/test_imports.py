@@ -16,6 +16,8 @@ import pytest
 
 import ropeode
 from docs.rooms import module_imports, room_of, trees
+from ropeode.cache import source_digest
+from ropeode.sweep import SweepSpec
 
 PACKAGE = Path(ropeode.__file__).parent
 
@@ -234,6 +236,18 @@ def test_what_stands_beside_the_package_imports_what_exists(modules):
                     and f"{node.module}.{alias.name}" not in modules
                 ]
     assert not missing, "\n".join(missing)
+
+
+def test_the_rows_of_a_sweep_count_all_sources_that_it_imports(imports):
+    """Those of all rooms below, and the files beside the rooms."""
+    below = new = {"sweep"}
+    while new := {room_of(o) for m in imports if room_of(m) in new for o in imports[m]} - below:
+        below = below | new
+    rooms = sorted(room for room in below if (PACKAGE / room).is_dir())
+    assert {"sweep", "steppers", "references"} < set(rooms)
+    parts = [*sorted(path.name for path in PACKAGE.glob("*.py")), *rooms]
+    spec = {"steppers": ["rk4"], "rope": {"num_nodes": 3}, "grid": {"damping": [0.1]}}
+    assert SweepSpec(spec).software["source"] == source_digest(PACKAGE, parts)
 
 
 def test_version():

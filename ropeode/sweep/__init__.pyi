@@ -19,7 +19,6 @@ from .execution.evaluate import evaluate as evaluate
 from .run import folder_reserved as folder_reserved
 from .run import run_in_folder as run_in_folder
 from .run import run_sweep as run_sweep
-from .storage.extend import take_over as take_over
 from .storage.load import load_sweep as load_sweep
 from .storage.row_files import Store as Store
 from .storage.row_files import read_parts as read_parts
