@@ -53,6 +53,7 @@ def test_animate(run, tmp_path, monkeypatch):
     assert os.listdir(tmp_path) == ["rope.gif"]
 
 
+@pytest.mark.slow
 def test_animate_by_default(run, tmp_path):
     """At 64 steps per frame, which 8 samples fit; to MP4 just as well."""
     import imageio_ffmpeg
