@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import subprocess
 import sys
 import threading
@@ -12,13 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from ropeode.sweep import LocalProcesses
 from ropeode.threads import cores, threads, use_cores
 from tests.time_limit import HANGS_AFTER_S
-
-
-def told(task):
-    return [{"cores": cores(), "task": task}]
 
 
 def test_a_limit_holds_until_it_is_taken_back():
@@ -31,12 +25,6 @@ def test_a_limit_holds_until_it_is_taken_back():
     finally:
         use_cores(None)
     assert cores() == there
-
-
-@pytest.mark.slow
-def test_a_process_of_this_machine_uses_one():
-    with contextlib.closing(LocalProcesses(told, 1)) as engine:
-        assert engine.submit(3).result() == [{"cores": 1, "task": 3}]
 
 
 def test_as_many_threads_as_are_asked_for():
@@ -88,7 +76,7 @@ assert [each.order.verdict for each in table.orders] == ["converges", "converges
 @pytest.mark.parametrize(
     "code",
     [
-        SOLVES.format(size=16, each=8, threads=1, times=100),
+        SOLVES.format(size=16, each=8, threads=1, times=50),
         pytest.param(SOLVES.format(size=31, each=1, threads=2, times=3000), marks=pytest.mark.slow),
         pytest.param(HEAT, marks=pytest.mark.slow),
     ],
