@@ -28,7 +28,7 @@ WITHOUT = {
 WITHOUT_RESULT = {"full_tracebacks"}
 # These take from 0.1 to 5 seconds, most of it to compile what no other example runs.
 SLOW = {
-    *["CheckArgs", "CheckReport", "check_stepper", "format_check"],
+    *["AccuracyTable", "CheckArgs", "CheckReport", "check_stepper", "format_check"],
     *["Explanation", "explain_stepper", "format_explanation", "plot_stability"],
     *["Horizon", "horizon", "format_horizon", "plot_horizon"],
     *["WorkPrecision", "WorkPrecision.front", "WorkPrecision.costs_to_reach", "work_precision"],

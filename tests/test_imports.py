@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import ropeode
-from docs.rooms import module_imports, room_of, trees
+from docs.rooms import module_imports, picture, room_of, trees
 from ropeode.cache import source_digest
 from ropeode.sweep import SweepSpec
 
@@ -171,8 +171,10 @@ def test_tests_import_faces_only():
     assert not offences, "\n".join(offences)
 
 
-def test_every_room_is_listed(modules):
+def test_every_room_is_listed_and_drawn(modules):
     assert {room_of(module) for module in modules} == {*ALLOWED, *GROUND, "__init__"}
+    shown = (PACKAGE.parent / "CONTRIBUTING.md").read_text()
+    assert picture() in shown, "run: cd docs && cog -P -r -I . ../CONTRIBUTING.md"
 
 
 def test_every_module_says_what_it_is(modules):
