@@ -67,9 +67,7 @@ def rosenbrock(gamma):
     return step
 problem = Problem(heat, np.sin(np.pi * np.arange(1, 32) / 32), np.linspace(0.0, 1.0, 5))
 for _ in range(20):
-    steps = [rosenbrock(1.0), rosenbrock(0.5)]
-    table = accuracy_table(problem, steps, [4, 8, 16], predict=True)
-assert [each.order.verdict for each in table.orders] == ["converges", "converges"]
+    accuracy_table(problem, [rosenbrock(1.0), rosenbrock(0.5)], [4, 8, 16], predict=True)
 """
 
 

@@ -16,8 +16,6 @@ from .execution.engines import InProcess as InProcess
 from .execution.engines import LocalProcesses as LocalProcesses
 from .execution.engines import TookTooLong as TookTooLong
 from .execution.evaluate import evaluate as evaluate
-from .run import folder_reserved as folder_reserved
-from .run import run_in_folder as run_in_folder
 from .run import run_sweep as run_sweep
 from .storage.load import load_sweep as load_sweep
 from .storage.row_files import Store as Store

@@ -62,16 +62,14 @@ def test_table_out_and_format(run, tmp_path):
 
 
 def test_spec_file_with_options_on_top(run, tmp_path):
+    """Where a spec stands, or a problem."""
     assert run("spec", "--out", "mine.toml").returncode == 0
-    done = run("table", "mine.toml", *QUICK[1:], "--damping", "0.5", "--format", "json")
-    assert done.returncode == 0, done.stderr
-    problem = json.loads(done.stdout)["problem"]
-    assert problem["frames"] == 3
-    assert problem["parameters"]["damping"] == 0.5
-    # A spec may stand where a problem does.
-    words = ["--problem", "mine.toml", *QUICK[1:], "--damping", "0.5", "--format", "json"]
-    assert json.loads(run("table", *words).stdout)["problem"] == problem
     assert run("spec").stdout == (tmp_path / "mine.toml").read_text()
+    for spec in (["mine.toml"], ["--problem", "mine.toml"]):
+        done = run("table", *spec, *QUICK[1:], "--damping", "0.5", "--format", "json")
+        assert done.returncode == 0, done.stderr
+        problem = json.loads(done.stdout)["problem"]
+        assert (problem["frames"], problem["parameters"]["damping"]) == (3, 0.5)
 
 
 # As they are typed, and what they mean.
@@ -102,25 +100,24 @@ def test_every_rope_option(table_job, text, velocity):
     assert (job.spec.norm, job.spec.rtol, job.spec.accuracy) == ("velocity-rms", 1e-10, 1e-5)
 
 
-def test_debug_shows_the_traceback(run):
-    assert "Traceback" in run("--debug", "table", "--damping", "-1").stderr
-    assert "Traceback" not in run("table", "--damping", "-1").stderr
+NONSENSE = """
+from ropeode import Problem
+def rhs(t, y, args):
+    return helper(y)
+def helper(y):
+    return y.nonsense
+problem = Problem(rhs, [1.0], [0.0, 1.0])
+"""
 
 
-def test_users_traceback_is_shown(run, tmp_path):
-    (tmp_path / "mine.py").write_text(
-        "from ropeode import Problem\n"
-        "def rhs(t, y, args):\n"
-        "    return helper(y)\n"
-        "def helper(y):\n"
-        "    return y.nonsense\n"
-        "problem = Problem(rhs, [1.0], [0.0, 1.0])\n"
-    )
+def test_users_traceback_is_shown_and_that_of_ropeode_if_asked_for(run):
+    Path("mine.py").write_text(NONSENSE)
     done = run("table", "--problem", "mine.py:problem")
     assert done.returncode == 2
-    assert 'mine.py", line 5, in helper' in done.stderr
+    assert 'mine.py", line 6, in helper' in done.stderr
     assert "site-packages" not in done.stderr
     assert done.stderr.splitlines()[-1].startswith("ropeode: rhs: raised AttributeError")
+    assert "Traceback" in run("--debug", "table", "--damping", "-1").stderr
 
 
 def test_no_reference_is_exit_code_1(run):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import json
+import operator
 
 import pytest
 from jsonschema import ValidationError
@@ -33,24 +35,20 @@ def test_the_files_are_what_the_types_say():
     assert written == json_schemas.schemas(), "run: python -m tools.json_schemas"
 
 
-def test_what_a_schema_does_not_say_is_refused(small_rope):
+@pytest.mark.parametrize("place", [(), ("problem",), ("reference", "witnesses", 0)])
+def test_what_a_schema_does_not_say_is_refused(place, small_rope):
     """Another key, a missing one, and another type, wherever it stands."""
-    table = accuracy_table(small_rope, ["rk4"], (8, 16, 32))
-    text = format_table(table, "json")
+    text = format_table(accuracy_table(small_rope, ["rk4"], (8, 16, 32)), "json")
     assert_conforms(text)
-    for place in ((), ("problem",), ("reference", "sampling"), ("reference", "witnesses", 0)):
-        for change in (
-            lambda part: part.update(further=1),
-            lambda part: part.pop(next(reversed(part))),
-            lambda part: part.update({next(reversed(part)): [[]]}),
-        ):
-            form = json.loads(text)
-            part = form
-            for name in place:
-                part = part[name]
-            change(part)
-            with pytest.raises(ValidationError):
-                assert_conforms(json.dumps(form))
+    last = next(reversed(functools.reduce(operator.getitem, place, json.loads(text))))
+    for change in ({"further": 1}, {last: None}, {last: [[]]}):
+        form = json.loads(text)
+        part = functools.reduce(operator.getitem, place, form)
+        part.update(change)
+        if change == {last: None}:
+            del part[last]
+        with pytest.raises(ValidationError):
+            assert_conforms(json.dumps(form))
 
 
 @pytest.mark.slow

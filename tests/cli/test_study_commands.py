@@ -68,11 +68,10 @@ def test_work_precision_of_all_kinds_of_methods(run, tmp_path):
 
 
 def test_names_of_files_start_from_the_folder_of_the_spec(run, tmp_path):
+    spec = 'frames = 3\nsteppers = ["steps.py"]\nsteps_per_frame = [8]\n[rope]\nnum_nodes = 4\n'
     (tmp_path / "specs").mkdir()
     (tmp_path / "specs/steps.py").write_text(STEPS.read_text())
-    (tmp_path / "specs/spec.toml").write_text(
-        'frames = 3\nsteppers = ["steps.py"]\nsteps_per_frame = [8]\n[rope]\nnum_nodes = 4\n'
-    )
+    (tmp_path / "specs/spec.toml").write_text(spec)
     done = run("table", "specs/spec.toml")
     assert done.returncode == 0, done.stderr
     assert "steps.py:velocity_verlet" in done.stdout

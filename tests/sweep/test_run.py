@@ -12,7 +12,6 @@ import time
 from pathlib import Path
 from unittest import mock
 
-import filelock
 import numpy as np
 import pandas as pd
 import pyarrow as pa
@@ -217,28 +216,6 @@ def test_a_run_that_was_interrupted_is_resumed(folder):
     assert there == ["index.json", "lock", "references", "rows-1"]
 
 
-def test_a_folder_in_use_is_refused_before_jax_is_imported(folder):
-    code = (
-        "import sys\n"
-        "from ropeode.cli import run_command\n"
-        "code = run_command(['sweep', 'nowhere', '-o', '.'])\n"
-        "sys.exit(code + 100 * ('jax' in sys.modules))"
-    )
-    with filelock.FileLock(folder / "lock"):
-        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1), done.stderr
-    assert done.stderr.startswith("ropeode: folder: '.' given; allowed: a folder that no other run")
-
-
-def test_the_lock_of_a_dead_process_does_not_count(folder):
-    """Not even if its number belongs to another process by now."""
-    out = folder / "out"
-    out.mkdir()
-    (out / "lock").touch()
-    (out / "lock.json").write_text(json.dumps({"process": os.getpid(), "host": "here"}))
-    assert run_sweep(spec(folder, nodes=[1]), out).done == 4
-
-
 def test_an_extended_sweep_computes_what_is_new_and_equals_one_made_at_once(folder, monkeypatch):
     """Also where the extension was killed midway."""
     small, large = spec(folder, nodes=[1]), spec(folder, "large.toml", (2, 1), (0.05, 0.1, 0.3))
@@ -263,7 +240,11 @@ def test_an_extended_sweep_computes_what_is_new_and_equals_one_made_at_once(fold
 
 
 def test_another_sweep_and_other_software_are_refused(folder):
-    path = spec(folder, nodes=[1])
+    """But not the lock of a dead process, even if its number belongs to another one by now."""
+    path, out = spec(folder, nodes=[1]), folder / "out"
+    out.mkdir()
+    (out / "lock").touch()
+    (out / "lock.json").write_text(json.dumps({"process": os.getpid(), "host": "here"}))
     run_sweep(path, "out")
     before = rows_of(folder / "out")
     with pytest.raises(InputError, match=r"2 of its rows do not belong .*rate: \[0.3\] removed"):
