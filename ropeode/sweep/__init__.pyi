@@ -1,4 +1,3 @@
-from .design.cases import Case as Case
 from .design.cases import Task as Task
 from .design.columns import COLUMNS as COLUMNS
 from .design.columns import INPUTS as INPUTS
@@ -11,7 +10,6 @@ from .design.spec import SweepSpec as SweepSpec
 from .design.spec import commented_sweep as commented_sweep
 from .design.spec import read_sweep as read_sweep
 from .execution.dask_cluster import DaskCluster as DaskCluster
-from .execution.engines import Engine as Engine
 from .execution.engines import InProcess as InProcess
 from .execution.engines import LocalProcesses as LocalProcesses
 from .execution.engines import TookTooLong as TookTooLong

@@ -63,9 +63,6 @@ def test_what_a_schema_does_not_say_is_refused(place, small_rope):
         "table --reference kepler --steppers rk4 --steps 64,128",
         "check step.py:step --order 1 --quick",
         "grade 16.csv 32.csv 64.csv --problem problems.py:rope --order 2",
-        # tests/study/test_explanation.py has other steppers and problems.
-        f"explain step.py:step {ROPE} --steps 16,32,64",
-        f"work-precision {ROPE} --methods rk4,scipy:RK45 --steps 1,64 --rtol 1e-3,1e-13 --rounds 1",
         "report --figures 1,8,28 --frames 40",
     ],
 )

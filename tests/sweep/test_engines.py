@@ -50,13 +50,15 @@ def test_local_processes_of_which_one_dies_and_some_say_no_rows(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("where", ["here", "on a cluster"])
-def test_a_case_that_hangs_is_killed(where, tmp_path):
-    late = {3: ("timed-out", "longer than 0.5 s")}
+def test_cases_that_hang_or_kill_their_process_have_rows_that_say_so(where, tmp_path):
+    """Their processes are new ones each time."""
+    work = Rows(does={3: "hang", 5: "die"})
+    bad = {3: ("timed-out", "longer than 0.5 s"), 5: ("worker-died", "died each time")}
     if where == "here":
-        check(LocalProcesses(Rows(does={3: "hang"}), 1, case_limit=0.5), tmp_path / "rows", late)
+        check(LocalProcesses(work, 1, case_limit=0.5), tmp_path / "rows", bad)
         return
     with cluster(workers=1) as address:
-        check(DaskCluster(Rows(does={3: "hang"}), address, case_limit=0.5), tmp_path / "rows", late)
+        check(DaskCluster(work, address, case_limit=0.5), tmp_path / "rows", bad)
 
 
 def test_processes_that_cannot_start_are_reported(tmp_path):
