@@ -257,28 +257,20 @@ def test_version():
     assert ropeode.__version__ == project["version"]
 
 
-def test_stepper_classes_are_there_after_importing_the_package():
+def test_rooms_and_stepper_classes_are_attributes_of_the_package():
+    """In a process that has imported nothing else of ropeode; a command has no use in Python."""
+    rooms = {each.parent.name for each in PACKAGE.glob("*/__init__.py")}
+    named = sorted({*rooms, "errors"} - {"classroom", "cli", "terminal"})
     code = (
         "import ropeode\n"
         "print(ropeode.steppers.StormerVerlet(start='rest').label)\n"
+        f"print(*(getattr(ropeode, name).__name__ for name in {named}))\n"
         "from ropeode.steppers import RungeKutta4\n"
         "print(ropeode.steppers.RungeKutta4 is RungeKutta4)"
     )
-    assert run_python(code) == "stormer-verlet:start=rest\nTrue\n"
-
-
-def test_rooms_are_attributes_of_the_package():
-    """In a process that has imported nothing else of ropeode; a command has no use in Python."""
-    rooms = {each.parent.name for each in PACKAGE.glob("*/__init__.py")} - {
-        "classroom",
-        "cli",
-        "terminal",
-    }
-    code = (
-        "import ropeode\n"
-        f"print(*(getattr(ropeode, name).__name__ for name in {sorted({*rooms, 'errors'})}))"
-    )
-    assert run_python(code).split() == [f"ropeode.{name}" for name in sorted({*rooms, "errors"})]
+    label, found, same = run_python(code).splitlines()
+    assert (label, same) == ("stormer-verlet:start=rest", "True")
+    assert found.split() == [f"ropeode.{name}" for name in named]
 
 
 def test_float64_is_not_switched_on_for_the_caller(small_rope):

@@ -65,6 +65,7 @@ os._exit(0)
 """
 
 
+@pytest.mark.slow
 def test_a_program_that_waits_for_ever_ends_the_command():
     command = [sys.executable, "-c", WAITING]
     said = subprocess.run(command, capture_output=True, text=True, timeout=HANGS_AFTER_S).stdout

@@ -61,6 +61,7 @@ def test_cases_that_hang_or_kill_their_process_have_rows_that_say_so(where, tmp_
         check(DaskCluster(work, address, case_limit=0.5), tmp_path / "rows", bad)
 
 
+@pytest.mark.slow
 def test_processes_that_cannot_start_are_reported(tmp_path):
     """As in a script with work of its own that has no `if __name__ == "__main__"`."""
     (tmp_path / "script.py").write_text(
