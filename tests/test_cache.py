@@ -240,10 +240,13 @@ def test_a_command_says_the_same_three_times_with_one_cache(words, tmp_path):
             env={**os.environ, "XDG_CACHE_HOME": str(tmp_path)},
         )
         assert done.returncode == 0, done.stderr
-        rows = [*csv.DictReader(io.StringIO(done.stdout))]
-        timed = [name for name in rows[0] if "seconds" in name]
-        said.add(repr([row | dict.fromkeys(timed) for row in rows]))
+        said.add(without_times(done.stdout) if "csv" in words else done.stdout)
     assert len(said) == 1
+
+
+def without_times(table):
+    rows = [*csv.DictReader(io.StringIO(table))]
+    return repr([{name: row[name] for name in row if "seconds" not in name} for row in rows])
 
 
 class Derived(RungeKutta4):
