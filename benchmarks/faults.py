@@ -84,7 +84,8 @@ def place_of(fault: dict[str, Any], copy: Path) -> tuple[Path, str, str]:
     Ends the program where there is not exactly one such place.
     """
     own = copy / "ropeode" / fault["file"]
-    others = [*(copy / "ropeode").rglob("*.py"), *(copy / "docs/studies").rglob("*.py")]
+    folders = (copy / "ropeode", copy / "docs/studies")
+    others = (path for folder in folders for path in folder.rglob("*.py"))
     for files in ([own] if own.exists() else [], others):
         places = [
             (path, old, new)

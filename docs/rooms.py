@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import graphlib
 from collections.abc import Iterator, Mapping, Set
 from pathlib import Path
@@ -16,6 +17,7 @@ PACKAGE = Path(__file__).parents[1] / "ropeode"
 Imports = dict[str, set[str]]
 
 
+@functools.cache
 def trees() -> dict[str, ast.Module]:
     """The syntax tree of each module of the package, by its name."""
     return {_name_of(path): ast.parse(path.read_text()) for path in sorted(PACKAGE.rglob("*.py"))}

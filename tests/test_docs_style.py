@@ -31,15 +31,11 @@ def prose(text: str) -> list[str]:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_a_long_page_begins_with_a_summary(page):
+def test_a_long_page_begins_with_a_summary_and_prose_keeps_to_a_width(page):
     text = page.read_text()
     if text.count("\n") > LONG:
         assert 1 < len(summary_of(text)) <= SUMMARY
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_prose_keeps_to_a_width(page):
-    assert [line for line in prose(page.read_text()) if len(line) > WIDTH] == []
+    assert [line for line in prose(text) if len(line) > WIDTH] == []
 
 
 def test_what_counts_as_a_summary():

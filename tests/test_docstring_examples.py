@@ -28,7 +28,7 @@ WITHOUT = {
 WITHOUT_RESULT = {"full_tracebacks"}
 # These take from 0.1 to 5 seconds, most of it to compile what no other example runs.
 SLOW = {
-    *["CheckArgs", "CheckReport", "check_stepper", "format_check"],
+    *["AccuracyTable", "CheckArgs", "CheckReport", "check_stepper", "format_check"],
     *["Explanation", "explain_stepper", "format_explanation", "plot_stability"],
     *["Horizon", "horizon", "format_horizon", "plot_horizon"],
     *["WorkPrecision", "WorkPrecision.front", "WorkPrecision.costs_to_reach", "work_precision"],
@@ -46,32 +46,33 @@ SLOW = {
 HEYOKA = {"Horizon", "horizon", "format_horizon", "plot_horizon"}
 
 
+def classes(value):
+    """The class itself, and those of ropeode that it derives from; none of a function."""
+    bases = inspect.getmro(value) if inspect.isclass(value) else ()
+    return [each for each in bases if each.__module__.startswith("ropeode.")]
+
+
 def public():
     """What a user meets in `help`, by name; a method that classes share once, under its owner."""
-    found = {}
+    kinds = types.FunctionType | classmethod | staticmethod
+    found, owners = {}, {}
     for name in ropeode.__all__:
         value = getattr(ropeode, name)
-        if isinstance(value, types.ModuleType):
-            continue
-        found[name] = value
-        for owner in inspect.getmro(value) if inspect.isclass(value) else ():
-            if owner.__module__.startswith("ropeode."):
-                found |= methods(owner)
-    return found
+        if not isinstance(value, types.ModuleType):
+            found[name] = value
+            owners |= {owner.__name__: owner for owner in classes(value)}
+    for owner, value in owners.items():
+        found |= {
+            f"{owner}.{name}": getattr(value, name)
+            for name, each in vars(value).items()
+            if isinstance(each, kinds)
+            and not name.startswith("_")
+            and name not in WITHOUT.get(owner, "").split()
+        }
+    return found, owners
 
 
-def methods(owner):
-    kinds = types.FunctionType | classmethod | staticmethod
-    return {
-        f"{owner.__name__}.{name}": getattr(owner, name)
-        for name, value in vars(owner).items()
-        if isinstance(value, kinds)
-        and not name.startswith("_")
-        and name not in WITHOUT.get(owner.__name__, "").split()
-    }
-
-
-PUBLIC = public()
+PUBLIC, OWNERS = public()
 
 
 def example_of(name):
@@ -107,13 +108,5 @@ def test_examples_print_what_they_say(name, tmp_path, monkeypatch, cache):
 
 def test_the_lists_name_what_exists():
     assert PUBLIC.keys() >= SLOW | WITHOUT_RESULT
-    owners = {owner.__name__: owner for owner in classes()}
     for owner, names in WITHOUT.items():
-        assert vars(owners[owner]).keys() >= set(names.split())
-
-
-def classes():
-    for name in ropeode.__all__:
-        value = getattr(ropeode, name)
-        if inspect.isclass(value):
-            yield from inspect.getmro(value)
+        assert vars(OWNERS[owner]).keys() >= set(names.split())

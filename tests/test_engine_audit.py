@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import json
 import re
 import sys
 from pathlib import Path
@@ -28,10 +27,7 @@ def audit():
 
 @pytest.fixture(scope="module")
 def judge():
-    path = ROOT / "benchmarks/audit/judge.py"
-    spec = importlib.util.spec_from_file_location("audit_judge", path)
-    assert spec is not None
-    assert spec.loader is not None
+    spec = importlib.util.spec_from_file_location("judge", ROOT / "benchmarks/audit/judge.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -61,36 +57,13 @@ def test_every_engine_has_its_claim_its_pins_and_its_rows(audit):
             assert f"{engine['package']}=={row['version']}" in environment.read_text().split()
 
 
-def test_exporters_are_short_and_compile(audit):
-    files = sorted((ROOT / "benchmarks/audit/exporters").glob("*.py"))
-    assert {file.name for file in files} == {e["exporter"] for e in audit.listed()["engine"]}
-    for file in files:
-        source = file.read_text()
-        compile(source, str(file), "exec")
-        assert audit.lines_of_code(source) <= 40, file.name
-
-
 def test_an_order_is_shown_with_its_interval_or_not_at_all(audit):
     found = {"observed": 1.004, "ci95": [0.987, 1.02], "verdict": "converges"}
     assert audit.order_words(found) == "1.00 [0.99, 1.02]"
-    nothing = {"observed": None, "ci95": None, "verdict": "undetermined"}
-    assert audit.order_words(nothing) == "undetermined"
+    for verdict in ("undetermined", "does not converge"):
+        nothing = {"observed": None, "ci95": None, "verdict": verdict}
+        assert audit.order_words(nothing) == verdict
     assert audit.order_words({**found, "verdict": "does not converge"}) == "does not converge"
-    assert audit.order_words({**nothing, "verdict": "does not converge"}) == "does not converge"
-    assert audit.order_words(None) == "none"
-
-
-def test_damping_is_told_by_the_damped_run_alone(audit):
-    right, wrong = {"verdict": "right"}, {"verdict": "wrong"}
-    words = [
-        audit.damping_words({"cases": cases})
-        for cases in (
-            {"springs": right},
-            {"springs": wrong, "springs-damped": right},
-            {"springs": right, "rigid-damped": wrong},
-        )
-    ]
-    assert words == ["not run", "per time", "another equation"]
 
 
 @pytest.mark.parametrize(
@@ -103,18 +76,6 @@ def test_damping_is_told_by_the_damped_run_alone(audit):
 )
 def test_the_largest_stable_step_has_only_stable_ones_below(judge, stable, fewest):
     assert judge.largest_stable(stable) == fewest
-
-
-def test_a_long_run_that_is_cut_short_says_nothing_of_stability(judge, monkeypatch, tmp_path):
-    monkeypatch.setattr(judge, "exported", lambda *_: ([], {}, judge.TOO_LATE))
-    engine, method = {"exporter": "some.py"}, {"argument": "Euler"}
-    with pytest.raises(SystemExit, match="some.py Euler: stopped after .* shorten its `ladder`"):
-        judge.long_run(tmp_path, engine, method, "springs", tmp_path)
-
-
-@pytest.mark.parametrize("case", ["springs", "rigid", "kepler-long"])
-def test_long_runs_have_a_frame_for_each_unit_of_time(judge, case):
-    np.testing.assert_allclose(judge.job_of(case, 64).given.ts, np.arange(65.0), rtol=1e-15)
 
 
 def test_states_of_a_file_that_ends_early_are_not_numbers(judge, tmp_path):
@@ -130,11 +91,3 @@ def test_states_of_a_file_that_ends_early_are_not_numbers(judge, tmp_path):
     assert np.all(np.isnan(states[1:]))
     (tmp_path / "rope-9.csv").write_text("t,node,x,y,vx,vy\n")
     assert judge.states_in(tmp_path / "rope-9.csv", problem) is None
-
-
-def test_rows_of_engines_that_are_not_run_stay(judge, tmp_path):
-    known = [(e["exporter"], m["name"]) for e in judge.engines() for m in e["methods"]][:2]
-    rows = {key: {"exporter": key[0], "method": key[1]} for key in reversed(known)}
-    judge.write_rows(tmp_path / "audit.jsonl", rows)
-    lines = [json.loads(line) for line in (tmp_path / "audit.jsonl").read_text().splitlines()]
-    assert [(row["exporter"], row["method"]) for row in lines[1:]] == known

@@ -15,7 +15,9 @@ import numpy as np
 import pytest
 
 import ropeode
-from docs.rooms import module_imports, room_of, trees
+from docs.rooms import module_imports, picture, room_of, trees
+from ropeode.cache import source_digest
+from ropeode.sweep import SweepSpec
 
 PACKAGE = Path(ropeode.__file__).parent
 
@@ -168,8 +170,10 @@ def test_tests_import_faces_only():
     assert not offences, "\n".join(offences)
 
 
-def test_every_room_is_listed(modules):
+def test_every_room_is_listed_and_drawn(modules):
     assert {room_of(module) for module in modules} == {*ALLOWED, *GROUND, "__init__"}
+    shown = (PACKAGE.parent / "CONTRIBUTING.md").read_text()
+    assert picture() in shown, "run: cd docs && cog -P -r -I . ../CONTRIBUTING.md"
 
 
 def test_every_module_says_what_it_is(modules):
@@ -235,33 +239,37 @@ def test_what_stands_beside_the_package_imports_what_exists(modules):
     assert not missing, "\n".join(missing)
 
 
+def test_the_rows_of_a_sweep_count_all_sources_that_it_imports(imports):
+    """Those of all rooms below, and the files beside the rooms."""
+    below = new = {"sweep"}
+    while new := {room_of(o) for m in imports if room_of(m) in new for o in imports[m]} - below:
+        below = below | new
+    rooms = sorted(room for room in below if (PACKAGE / room).is_dir())
+    assert {"sweep", "steppers", "references"} < set(rooms)
+    parts = [*sorted(path.name for path in PACKAGE.glob("*.py")), *rooms]
+    spec = {"steppers": ["rk4"], "rope": {"num_nodes": 3}, "grid": {"damping": [0.1]}}
+    assert SweepSpec(spec).software["source"] == source_digest(PACKAGE, parts)
+
+
 def test_version():
     project = tomllib.loads((PACKAGE.parent / "pyproject.toml").read_text())["project"]
     assert ropeode.__version__ == project["version"]
 
 
-def test_stepper_classes_are_there_after_importing_the_package():
+def test_rooms_and_stepper_classes_are_attributes_of_the_package():
+    """In a process that has imported nothing else of ropeode; a command has no use in Python."""
+    rooms = {each.parent.name for each in PACKAGE.glob("*/__init__.py")}
+    named = sorted({*rooms, "errors"} - {"classroom", "cli", "terminal"})
     code = (
         "import ropeode\n"
         "print(ropeode.steppers.StormerVerlet(start='rest').label)\n"
+        f"print(*(getattr(ropeode, name).__name__ for name in {named}))\n"
         "from ropeode.steppers import RungeKutta4\n"
         "print(ropeode.steppers.RungeKutta4 is RungeKutta4)"
     )
-    assert run_python(code) == "stormer-verlet:start=rest\nTrue\n"
-
-
-def test_rooms_are_attributes_of_the_package():
-    """In a process that has imported nothing else of ropeode; a command has no use in Python."""
-    rooms = {each.parent.name for each in PACKAGE.glob("*/__init__.py")} - {
-        "classroom",
-        "cli",
-        "terminal",
-    }
-    code = (
-        "import ropeode\n"
-        f"print(*(getattr(ropeode, name).__name__ for name in {sorted({*rooms, 'errors'})}))"
-    )
-    assert run_python(code).split() == [f"ropeode.{name}" for name in sorted({*rooms, "errors"})]
+    label, found, same = run_python(code).splitlines()
+    assert (label, same) == ("stormer-verlet:start=rest", "True")
+    assert found.split() == [f"ropeode.{name}" for name in named]
 
 
 def test_float64_is_not_switched_on_for_the_caller(small_rope):
@@ -279,3 +287,23 @@ def test_a_table_imports_nothing_that_only_other_commands_need():
     modules = "ropeode.study.spec, ropeode.render.formats, ropeode.references.kept"
     heavy = "{'diffrax', 'equinox', 'scipy', 'matplotlib', 'h5py', 'heyoka', 'xarray'}"
     assert run_python(f"import sys, {modules}; print({heavy} & set(sys.modules))") == "set()\n"
+
+
+def test_one_line_runs_code_and_no_line_unpickles_a_file(modules):
+    """Everything that could run what is in a file, wherever it stands in the package."""
+    runs, unsafe = [], {"pickle", "marshal", "shelve", "yaml", "runpy", "dill"}
+    for module, tree in modules.items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Import | ast.ImportFrom):
+                names = [alias.name for alias in node.names] + [getattr(node, "module", "") or ""]
+                # A child is sent its function so by its own parent, and sends bytes back.
+                found = unsafe & {*names} - ({"pickle"} if module == "ropeode.sandbox" else set())
+                assert not found, module
+            if isinstance(node, ast.keyword) and node.arg == "allow_pickle":
+                assert ast.unparse(node.value) == "False", module
+            if isinstance(node, ast.Call) and ast.unparse(node.func) == "np.load":
+                assert any(each.arg == "allow_pickle" for each in node.keywords), module
+            name = getattr(node, "attr", getattr(node, "id", ""))
+            if name in {"exec_module", "exec", "eval", "run_path", "load_module"}:
+                runs.append(module)
+    assert runs == ["ropeode.problems.files"]

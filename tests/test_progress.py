@@ -76,7 +76,7 @@ def pieces(until, progress=bar):
         yield piece
 
 
-def test_a_notebook_shows_a_bar_which_goes_away(notebook):
+def test_a_notebook_shows_a_bar_which_goes_away(notebook, monkeypatch):
     assert work(notebook.wait) == "done"
     (output,) = notebook.outputs
     *_, shown, last = output
@@ -84,6 +84,10 @@ def test_a_notebook_shows_a_bar_which_goes_away(notebook):
     page = '<progress max="1" value="0.250"></progress> 25 % a &lt; b'
     assert shown["text/html"].startswith(page)
     assert last == EMPTY
+    # What is done soon shows nothing.
+    monkeypatch.setattr(bars, "AFTER_S", LONG_S)
+    assert work() == "done"
+    assert len(notebook.outputs) == 1
 
 
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
@@ -98,12 +102,6 @@ def test_what_is_raised_ends_the_bar(notebook, error):
             work(fail)
     assert [output[-1] for output in notebook.outputs] == [EMPTY, EMPTY]
     assert threading.active_count() == threads
-
-
-def test_what_is_done_soon_shows_nothing(notebook, monkeypatch):
-    monkeypatch.setattr(bars, "AFTER_S", LONG_S)
-    assert work() == "done"
-    assert notebook.outputs == []
 
 
 def test_what_runs_inside_shows_no_second_bar(notebook):
@@ -183,23 +181,17 @@ def test_a_command_shows_one_bar(monkeypatch):
 
 
 def test_every_public_function_that_takes_progress_shows_a_bar():
-    public = [getattr(ropeode, name) for name in vars(ropeode)["__all__"]]
-    functions = [each for each in public if inspect.isfunction(each)]
-    methods = [
-        method
-        for each in public
-        if inspect.isclass(each)
-        for method in vars(each).values()
-        if inspect.isfunction(method)
-    ]
-    takes = {}
-    for each in [*functions, *methods]:
-        if (parameter := inspect.signature(each).parameters.get("progress")) is not None:
-            assert parameter.kind is parameter.KEYWORD_ONLY, each
-            assert parameter.default is bar, each
-            takes[each.__name__] = each
-            assert each.__code__ is work.__code__, each
-    assert {"reference", "simulate", "save"} <= set(takes)
+    takes = set()
+    for name in ropeode.__all__:
+        public = getattr(ropeode, name)
+        for each in [public, *(vars(public).values() if inspect.isclass(public) else ())]:
+            parameters = inspect.signature(each).parameters if inspect.isfunction(each) else {}
+            if (parameter := parameters.get("progress")) is not None:
+                assert parameter.kind is parameter.KEYWORD_ONLY, each
+                assert parameter.default is bar, each
+                assert each.__code__ is work.__code__, each
+                takes.add(each.__name__)
+    assert {"reference", "simulate", "save"} <= takes
 
 
 def test_progress_that_cannot_be_called_is_refused(small_rope):

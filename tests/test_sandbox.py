@@ -74,7 +74,7 @@ def test_what_has_returned_and_ended_has_returned():
         assert child.read() == b"here"
         (guard,) = (each for each in psutil.Process().children() if "guard" in each.cmdline()[2])
         guard.suspend()
-        time.sleep(1.0)
+        time.sleep(0.5)
         guard.resume()
         assert child.wait().how == "returned"
 
@@ -82,11 +82,9 @@ def test_what_has_returned_and_ended_has_returned():
 @pytest.mark.parametrize(
     ("limit", "code", "how"),
     [
-        ({"cpu": 0.5}, "while True: pass", "did not finish within 0.5 s of processor time"),
-        ({"cpu": 0.5}, "os.fork(); os.fork()\nwhile True: pass", "within 0.5 s of processor"),
+        ({"cpu": 0.5}, "os.fork(); os.fork()\nwhile True: pass", "within 0.5 s of processor time"),
         ({"wall": 0.5}, "time.sleep(1000)", "did not finish within 0.5 s"),
-        ({"memory": 2**28}, "x = bytearray(2**29); time.sleep(99)", "more than 256 MiB of memory"),
-        ({"memory": 2**28}, "if not os.fork(): x = bytearray(2**29)\ntime.sleep(99)", "256 MiB"),
+        ({"memory": 2**28}, "if not os.fork(): x = bytearray(2**29)\ntime.sleep(99)", "256 MiB of"),
     ],
 )
 def test_limits_are_those_of_all_that_it_starts(limit, code, how):
@@ -97,9 +95,8 @@ def test_limits_are_those_of_all_that_it_starts(limit, code, how):
 
 def test_a_crash_says_where():
     noise = run(runs, "ctypes.string_at(0)").noise
-    assert "Fatal Python error: Segmentation fault" in noise
-    assert 'File "<string>"' in noise
-    assert "test_sandbox.py" in noise
+    for said in ("Fatal Python error: Segmentation fault", 'File "<string>"', "test_sandbox.py"):
+        assert said in noise
 
 
 def has_ended(pid):

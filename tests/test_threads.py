@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import subprocess
 import sys
@@ -15,13 +14,8 @@ import pytest
 
 from ropeode import reference
 from ropeode.cli import run_command
-from ropeode.sweep import LocalProcesses
 from ropeode.threads import cores, threads, use_cores
 from tests.time_limit import HANGS_AFTER_S
-
-
-def told(task):
-    return [{"cores": cores(), "task": task}]
 
 
 def test_a_limit_holds_until_it_is_taken_back():
@@ -68,12 +62,6 @@ def test_a_command_asks_jax_for_the_processor(given, command_surroundings, monke
         jax.config.update("jax_platforms", platforms)
 
 
-@pytest.mark.slow
-def test_a_process_of_this_machine_uses_one():
-    with contextlib.closing(LocalProcesses(told, 1)) as engine:
-        assert engine.submit(3).result() == [{"cores": 1, "task": 3}]
-
-
 def test_as_many_threads_as_are_asked_for():
     together = threading.Barrier(3)
     with threads(3) as pool:
@@ -114,16 +102,14 @@ def rosenbrock(gamma):
     return step
 problem = Problem(heat, np.sin(np.pi * np.arange(1, 32) / 32), np.linspace(0.0, 1.0, 5))
 for _ in range(20):
-    steps = [rosenbrock(1.0), rosenbrock(0.5)]
-    table = accuracy_table(problem, steps, [4, 8, 16], predict=True)
-assert [each.order.verdict for each in table.orders] == ["converges", "converges"]
+    accuracy_table(problem, [rosenbrock(1.0), rosenbrock(0.5)], [4, 8, 16], predict=True)
 """
 
 
 @pytest.mark.parametrize(
     "code",
     [
-        SOLVES.format(size=16, each=8, threads=1, times=100),
+        SOLVES.format(size=16, each=8, threads=1, times=50),
         pytest.param(SOLVES.format(size=31, each=1, threads=2, times=3000), marks=pytest.mark.slow),
         pytest.param(HEAT, marks=pytest.mark.slow),
     ],

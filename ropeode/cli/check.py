@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -72,11 +72,6 @@ CLASS_TIME_LIMIT = 20.0
 def check(
     ended: Ended | None,
     step: str | None,
-    order: str | None,
-    method: str | None,
-    symplectic: bool,
-    reversible: bool,
-    conserves_energy: bool,
     only: list[str] | None,
     skip: list[str] | None,
     quick: bool,
@@ -87,6 +82,7 @@ def check(
     template: str | None,
     form: str | None,
     out: str | None,
+    **claimed: Any,
 ) -> int:
     """Check whether a stepper solves the right equation, and how well.
 
@@ -124,27 +120,14 @@ def check(
     limit = CLASS_TIME_LIMIT if folder else CHECK_TIME_LIMIT
     if time_limit is not None:
         limit = check_positive("time_limit", time_limit, example="60")
+    # What is not claimed is measured, not tested.
     claims = checked_claims(
-        Claims(
-            order,  # type: ignore[arg-type]
-            method,
-            symplectic or None,
-            reversible or None,
-            conserves_energy or None,
-        )
+        Claims(**{name: None if value is False else value for name, value in claimed.items()})
     )
-
     arguments = {
-        "expected_order": claims.order,
-        "method": claims.method,
-        "symplectic": claims.symplectic,
-        "reversible": claims.reversible,
-        "conserves_energy": claims.conserves_energy,
-        "only": only,
-        "skip": skip or (),
-        "quick": quick,
-        "time_limit": limit,
+        "expected_order" if name == "order" else name: value for name, value in vars(claims).items()
     }
+    arguments |= {"only": only, "skip": skip or (), "quick": quick, "time_limit": limit}
     if folder is not None:
         from ropeode.classroom import check_class
 

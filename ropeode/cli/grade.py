@@ -7,7 +7,6 @@ from pathlib import Path
 
 import click
 
-from ropeode.cli.job import job_from, values_from
 from ropeode.cli.options import (
     OF_RUNS,
     OUT_OF_CLASSES,
@@ -15,8 +14,10 @@ from ropeode.cli.options import (
     class_options,
     class_output,
     dt_option,
+    job_from,
     memory_limit,
     table_options,
+    values_from,
 )
 from ropeode.terminal import (
     format_for,

@@ -16,16 +16,13 @@ import click
 
 from ropeode.case_studies import report_command
 from ropeode.cli.check import check
-from ropeode.cli.commands import spec, steppers, table
-from ropeode.cli.explain import explain
+from ropeode.cli.commands import explain, horizon, spec, steppers, table, work_precision
 from ropeode.cli.grade import grade
 from ropeode.cli.groups import WholeHelp
-from ropeode.cli.horizon import horizon
 from ropeode.cli.lab import lab
 from ropeode.cli.pictures import animate, plot
 from ropeode.cli.reference import reference
 from ropeode.cli.sweep import sweep
-from ropeode.cli.work_precision import work_precision
 from ropeode.errors import InputError, InputWarning, RopeodeError, UserCodeError, users_traceback
 from ropeode.sandbox import Child, Ended, GuardLost, doing
 from ropeode.terminal import KEPT, NOTHING, end_on_ctrl_c, is_users_file

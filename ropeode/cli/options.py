@@ -1,17 +1,20 @@
-"""The options of `ropeode table`, which carry the names of the fields that they set."""
+"""The options of `ropeode table`, named as the fields that they set, and the job that they make."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
 from ropeode.files import NO_CODE, check_writable
 from ropeode.terminal import CommaSeparated, check_folder, split_at_commas
 from ropeode.validation import bad_value, check_positive
+
+if TYPE_CHECKING:
+    from ropeode.study import TableJob
 
 
 def _one_or_list(value: str) -> Any:
@@ -227,12 +230,29 @@ def table_options(without: Collection[str] = ()) -> Callable[[Callable], Callabl
     return add
 
 
-def given_values(options: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """What was typed, as values of a spec and of its rope; not yet checked.
+def job_from(spec: Path | None, options: Mapping[str, Any]) -> TableJob:
+    """The job that a spec file and options describe; options override the file.
+
+    Arguments and errors are those of `values_from`.
+    """
+    from ropeode.study import TableJob
+
+    return TableJob(*values_from(spec, options))
+
+
+def values_from(
+    spec: Path | None, options: Mapping[str, Any]
+) -> tuple[dict[str, Any], Path | None]:
+    """The values of a spec file and of options, and the folder that names of files start from.
 
     Arguments:
-        options: from click, None where nothing was typed.
+        spec: the file, or None; the problem may name one then.
+        options: what was typed, by the names that click has for the options of `table_options`.
+
+    Raises:
+        InputError: one line for each value that cannot be used.
     """
+    from ropeode.study import read_spec
 
     def read(fields: Mapping[str, Option], prefix: str) -> dict[str, Any]:
         return {
@@ -241,4 +261,14 @@ def given_values(options: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, 
             if (text := options.get(prefix + field)) is not None
         }
 
-    return read(TABLE, ""), read(ROPE, "rope_")
+    given, rope = read(TABLE, ""), read(ROPE, "rope_")
+    if not spec and given.get("problem", "").endswith(".toml"):
+        spec = Path(given.pop("problem"))
+    values: dict[str, Any] = read_spec(spec) if spec else {}
+    if "reference" in given and os.path.exists(given["reference"]):
+        # Relative to the current folder, not to that of the spec.
+        given["reference"] = str(Path(given["reference"]).resolve())
+    values |= given
+    if rope and isinstance(values.setdefault("rope", {}), dict):
+        values["rope"] |= rope
+    return values, None if "problem" in given or not spec else spec.parent

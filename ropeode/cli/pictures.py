@@ -8,8 +8,7 @@ from typing import Any
 
 import click
 
-from ropeode.cli.job import job_from
-from ropeode.cli.options import dt_option, table_options
+from ropeode.cli.options import dt_option, job_from, table_options
 from ropeode.errors import InputError
 from ropeode.files import check_suffix, write_whole
 from ropeode.progress import Progress, part_of

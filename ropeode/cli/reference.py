@@ -7,8 +7,7 @@ from pathlib import Path
 import click
 
 from ropeode.cli.groups import DefaultGroup
-from ropeode.cli.job import job_from
-from ropeode.cli.options import OF_RUNS, no_code_option, table_options
+from ropeode.cli.options import OF_RUNS, job_from, no_code_option, table_options
 from ropeode.progress import Progress
 from ropeode.terminal import out_option_with, set_up_jax, with_progress
 

@@ -37,17 +37,14 @@ def run(spec: Path, out: str, **options: Any) -> None:
     Finished cases are kept in DIR. After Ctrl-C, a crash or a full disk, run the same command to
     resume. Needs the data packages: pip install '.[data]', and with a scheduler '.[data,dask]'.
     """
-    from ropeode.sweep import folder_reserved, run_in_folder
+    set_up_jax()
+    end_on_ctrl_c(KEPT)
+    from ropeode.render import FORMATS
+    from ropeode.sweep import run_sweep
 
-    with folder_reserved(out) as lock:
-        set_up_jax()
-        end_on_ctrl_c(KEPT)
-        from ropeode.render import FORMATS
-
-        summary = with_progress(
-            lambda progress: run_in_folder(out, lock, spec, progress=progress, **options),
-            time_left=True,
-        )
+    summary = with_progress(
+        lambda progress: run_sweep(spec, out, progress=progress, **options), time_left=True
+    )
     click.echo(FORMATS["text"](summary), nl=False)
     if died := summary.statuses["worker-died"]:
         raise RopeodeError(

@@ -1,4 +1,3 @@
-from .design.cases import Case as Case
 from .design.cases import Task as Task
 from .design.columns import COLUMNS as COLUMNS
 from .design.columns import INPUTS as INPUTS
@@ -11,15 +10,11 @@ from .design.spec import SweepSpec as SweepSpec
 from .design.spec import commented_sweep as commented_sweep
 from .design.spec import read_sweep as read_sweep
 from .execution.dask_cluster import DaskCluster as DaskCluster
-from .execution.engines import Engine as Engine
 from .execution.engines import InProcess as InProcess
 from .execution.engines import LocalProcesses as LocalProcesses
 from .execution.engines import TookTooLong as TookTooLong
 from .execution.evaluate import evaluate as evaluate
-from .run import folder_reserved as folder_reserved
-from .run import run_in_folder as run_in_folder
 from .run import run_sweep as run_sweep
-from .storage.extend import take_over as take_over
 from .storage.load import load_sweep as load_sweep
 from .storage.row_files import Store as Store
 from .storage.row_files import read_parts as read_parts

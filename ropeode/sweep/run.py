@@ -7,17 +7,16 @@ import dataclasses
 import functools
 import math
 import shutil
-from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ropeode.errors import InputError
 from ropeode.progress import Progress, bar, shows_progress
-from ropeode.sweep.storage.folder import Index, locked_early, read_index, write_errors
+from ropeode.sweep.storage.folder import Index, locked, read_index, write_errors
 from ropeode.validation import bad_value, check_positive, check_whole, require
 
-# What imports JAX is imported below, so that a folder in use is refused at once.
+# Below, so that a missing extra is told.
 if TYPE_CHECKING:
     from ropeode.sweep.design.spec import SweepSpec
     from ropeode.sweep.execution.engines import Engine, Work
@@ -64,42 +63,7 @@ def run_sweep(
         >>> run_sweep({"steppers": ["rk4"], "grid": grid}, "ropes")
         <SweepSummary: ropes: 6 of 6 cases>
     """
-    with folder_reserved(folder) as lock:
-        return run_in_folder(
-            folder,
-            lock,
-            spec,
-            workers=workers,
-            scheduler=scheduler,
-            extend=extend,
-            case_limit=case_limit,
-            progress=progress,
-        )
-
-
-def folder_reserved(folder: str | Path) -> AbstractContextManager[Callable[[], None]]:
-    """The lock of a sweep's folder, as `locked_early` takes it; nothing has imported JAX yet.
-
-    Raises:
-        InputError: another run holds the lock, or the extra `data` is not installed.
-    """
-    require("filelock", "data", "sweeps")
-    return locked_early(Path(folder))
-
-
-def run_in_folder(
-    folder: str | Path,
-    lock: Callable[[], None],
-    spec: SweepSpec | Mapping[str, Any] | str | Path,
-    *,
-    workers: int | None,
-    scheduler: str | None,
-    extend: bool,
-    case_limit: float | None,
-    progress: Progress,
-) -> SweepSummary:
-    """Run a sweep in a folder that is `reserved`; `lock` locks it. See `run_sweep`."""
-    for package in ("pyarrow", "pandas"):
+    for package in ("filelock", "pyarrow", "pandas"):
         require(package, "data", "sweeps")
     from ropeode.sweep.storage.row_files import Store
     from ropeode.sweep.storage.summary import summarize
@@ -112,13 +76,13 @@ def run_in_folder(
     with contextlib.closing(_engine(path, workers, scheduler, case_limit)) as engine:
         with write_errors(path):
             path.mkdir(exist_ok=True)
-        lock()
-        with write_errors(path):
-            index = _prepare_folder(path, sweep, extend)
-        store = Store(path / index.rows, sweep.columns)
-        # In this process a case that kills it again would end the sweep.
-        store.reopen(math.inf if case_limit is None else case_limit, died=bool(engine.lost))
-        work_through(sweep, store, engine, progress)
+        with locked(path):
+            with write_errors(path):
+                index = _prepare_folder(path, sweep, extend)
+            store = Store(path / index.rows, sweep.columns)
+            # In this process a case that kills it again would end the sweep.
+            store.reopen(math.inf if case_limit is None else case_limit, died=bool(engine.lost))
+            work_through(sweep, store, engine, progress)
     return summarize(path)
 
 

@@ -8,8 +8,8 @@ from ropeode.classroom import Item, Outcome, Submission, grade_book, parts, writ
 from ropeode.render import Grid
 
 pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+from tests.browser import VIOLATIONS
 from tests.laboratory.browser.conftest import axe, chromium, needs_chromium, page  # noqa: F401
-from tests.laboratory.browser.test_accessibility import VIOLATIONS
 
 ERRORS = {"position": {"errors": [4e-2, 2e-2, 1e-2], "observed": 1.0}}
 ORDERS = {"order": {"dt": [0.1, 0.05, 0.025], "expected": 2, "quantities": ERRORS}}

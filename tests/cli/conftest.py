@@ -48,21 +48,12 @@ def environment(cache):
 
 @pytest.fixture
 def started(environment, tmp_path):
-    """A function that starts ropeode in an empty folder; what still runs in the end is killed.
-
-    Where asked, a package is missing.
-    """
+    """A function that starts ropeode in an empty folder; what still runs in the end is killed."""
     processes = []
 
-    def call(*arguments, without=None):
-        begin = f"import sys; sys.modules[{without!r}] = None"
-        how = (
-            ["-c", f"{begin}; from ropeode.cli import run_process; run_process()"]
-            if without
-            else ["-m", "ropeode"]
-        )
+    def call(*arguments):
         process = subprocess.Popen(
-            [sys.executable, *how, *arguments],
+            [sys.executable, "-m", "ropeode", *arguments],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -82,8 +73,8 @@ def started(environment, tmp_path):
 def run_process(started):
     """Run ropeode in an empty folder as a process."""
 
-    def call(*arguments, **more):
-        process = started(*arguments, **more)
+    def call(*arguments):
+        process = started(*arguments)
         said = process.communicate(timeout=HANGS_AFTER_S)
         return subprocess.CompletedProcess(arguments, process.returncode, *said)
 

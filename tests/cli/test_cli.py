@@ -34,9 +34,8 @@ def test_help_and_completion_import_nothing_that_computes(environment):
         "    try: cli.main([*path, '--help'], standalone_mode=False)\n"
         "    except SystemExit: pass\n"
         "complete = BashComplete(cli, {}, 'ropeode', '_ROPEODE_COMPLETE').get_completions\n"
-        "for words, begun in ([], 'tab'), (['sweep'], 'r'), (['table', '--frames', '1'], '--no'):\n"
-        "    found = complete(words, begun)\n"
-        "    print('COMPLETED', *sorted((each.type, each.value) for each in found))\n"
+        "for words, begun in ([], 'tab'), (['sweep'], 'r'), (['table'], '--no-c'):\n"
+        "    print('COMPLETED', *sorted(each.value for each in complete(words, begun)))\n"
         "heavy = {'jax', 'numpy', 'scipy', 'matplotlib'}\n"
         "print(heavy & set(sys.modules), file=sys.stderr)"
     )
@@ -44,15 +43,10 @@ def test_help_and_completion_import_nothing_that_computes(environment):
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment
     )
     assert done.stderr == "set()\n"
-    lines = done.stdout.splitlines()
-    assert lines[-3:] == [
-        "COMPLETED ('plain', 'table')",
-        "COMPLETED ('file', 'r') ('plain', 'run')",
-        "COMPLETED ('plain', '--no-code') ('plain', '--no-predict') ('plain', '--node-mass') "
-        "('plain', '--norm')",
-    ]
+    *lines, top, group, option = done.stdout.splitlines()
+    assert (top, group, option) == ("COMPLETED table", "COMPLETED r run", "COMPLETED --no-code")
     assert lines[0].startswith("Usage: ")
-    assert max(len(line) for line in lines[:-3]) <= 80
+    assert max(map(len, lines)) <= 80
 
 
 def test_table_out_and_format(run, tmp_path):
@@ -68,16 +62,14 @@ def test_table_out_and_format(run, tmp_path):
 
 
 def test_spec_file_with_options_on_top(run, tmp_path):
+    """Where a spec stands, or a problem."""
     assert run("spec", "--out", "mine.toml").returncode == 0
-    done = run("table", "mine.toml", *QUICK[1:], "--damping", "0.5", "--format", "json")
-    assert done.returncode == 0, done.stderr
-    problem = json.loads(done.stdout)["problem"]
-    assert problem["frames"] == 3
-    assert problem["parameters"]["damping"] == 0.5
-    # A spec may stand where a problem does.
-    words = ["--problem", "mine.toml", *QUICK[1:], "--damping", "0.5", "--format", "json"]
-    assert json.loads(run("table", *words).stdout)["problem"] == problem
     assert run("spec").stdout == (tmp_path / "mine.toml").read_text()
+    for spec in (["mine.toml"], ["--problem", "mine.toml"]):
+        done = run("table", *spec, *QUICK[1:], "--damping", "0.5", "--format", "json")
+        assert done.returncode == 0, done.stderr
+        problem = json.loads(done.stdout)["problem"]
+        assert (problem["frames"], problem["parameters"]["damping"]) == (3, 0.5)
 
 
 # As they are typed, and what they mean.
@@ -85,50 +77,47 @@ ROPE_OPTIONS = {
     "frames": ("3", 3),
     "start": ("0,0,0", [0, 0, 0]),
     "end": ("-3,1,0", [-3, 1, 0]),
-    "num_nodes": ("5", 5),
-    "node_mass": ("1,2,3,2,1", [1, 2, 3, 2, 1]),
-    "stiffness": ("4,5,5,4", [4, 5, 5, 4]),
+    "num_nodes": ("3", 3),
+    "node_mass": ("1,2,3", [1, 2, 3]),
+    "stiffness": ("4,5", [4, 5]),
     "pinned": ("1", [1]),
     "gravity": ("0,0,-2", [0, 0, -2]),
-    "damping": ("0,0.1,0.2,0,0", [0, 0.1, 0.2, 0, 0]),
-    "initial_velocity": (
-        "1,0,0;0,0,0;0,-1,0;0,0,0;0,0,1",
-        [[1, 0, 0], [0, 0, 0], [0, -1, 0], [0, 0, 0], [0, 0, 1]],
-    ),
+    "damping": ("0,0.1,0.2", [0, 0.1, 0.2]),
 }
+VELOCITIES = [("1,2,0", [1, 2, 0]), ("1,0,0;0,0,0;0,-1,3", [[1, 0, 0], [0, 0, 0], [0, -1, 3]])]
 
 
-def test_every_rope_option(table_job):
+@pytest.mark.parametrize(("text", "velocity"), VELOCITIES)
+def test_every_rope_option(table_job, text, velocity):
     """What would be computed; computing it takes seconds and shows no more of the options."""
-    typed = [f"--{name.replace('_', '-')}={text}" for name, (text, _) in ROPE_OPTIONS.items()]
+    options = {**ROPE_OPTIONS, "initial_velocity": (text, velocity)}
+    typed = [f"--{name.replace('_', '-')}={text}" for name, (text, _) in options.items()]
     others = ["--steps=8,12,18", "--norm=velocity-rms", "--accuracy=1e-5", "--rtol=1e-10"]
     job = table_job(*typed, *others)
     parameters = json.loads(json.dumps(dict(job.problem.parameters)))
-    means = {name: value for name, (_, value) in ROPE_OPTIONS.items()}
-    assert parameters == {"kind": "rope", **means}
+    assert parameters == {"kind": "rope", **{name: value for name, (_, value) in options.items()}}
     assert job.spec.steps_per_frame == (8, 12, 18)
     assert (job.spec.norm, job.spec.rtol, job.spec.accuracy) == ("velocity-rms", 1e-10, 1e-5)
 
 
-def test_debug_shows_the_traceback(run):
-    assert "Traceback" in run("--debug", "table", "--damping", "-1").stderr
-    assert "Traceback" not in run("table", "--damping", "-1").stderr
+NONSENSE = """
+from ropeode import Problem
+def rhs(t, y, args):
+    return helper(y)
+def helper(y):
+    return y.nonsense
+problem = Problem(rhs, [1.0], [0.0, 1.0])
+"""
 
 
-def test_users_traceback_is_shown(run, tmp_path):
-    (tmp_path / "mine.py").write_text(
-        "from ropeode import Problem\n"
-        "def rhs(t, y, args):\n"
-        "    return helper(y)\n"
-        "def helper(y):\n"
-        "    return y.nonsense\n"
-        "problem = Problem(rhs, [1.0], [0.0, 1.0])\n"
-    )
+def test_users_traceback_is_shown_and_that_of_ropeode_if_asked_for(run):
+    Path("mine.py").write_text(NONSENSE)
     done = run("table", "--problem", "mine.py:problem")
     assert done.returncode == 2
-    assert 'mine.py", line 5, in helper' in done.stderr
+    assert 'mine.py", line 6, in helper' in done.stderr
     assert "site-packages" not in done.stderr
     assert done.stderr.splitlines()[-1].startswith("ropeode: rhs: raised AttributeError")
+    assert "Traceback" in run("--debug", "table", "--damping", "-1").stderr
 
 
 def test_no_reference_is_exit_code_1(run):
@@ -145,17 +134,9 @@ LONG = "--num-nodes 512 --frames 200"
     ("command", "after"),
     [
         (f"table {LONG} --out t.txt", 2.0),
-        *(
-            pytest.param(*each, marks=pytest.mark.slow)
-            for each in (
-                (f"table {LONG}", 0.0),
-                (f"table {LONG}", 0.3),
-                (f"table {LONG}", 8.0),
-                (f"plot {LONG}", 2.0),
-                (f"animate {LONG} --out a.gif", 2.0),
-                (f"horizon {LONG}", 2.0),
-            )
-        ),
+        pytest.param(f"table {LONG}", 0.0, marks=pytest.mark.slow),
+        pytest.param(f"table {LONG}", 8.0, marks=pytest.mark.slow),
+        pytest.param(f"animate {LONG} --out a.gif", 2.0, marks=pytest.mark.slow),
     ],
 )
 def test_ctrl_c_ends_cleanly(command, after, started, tmp_path):
@@ -167,8 +148,8 @@ def test_ctrl_c_ends_cleanly(command, after, started, tmp_path):
     time.sleep(after)
     process.send_signal(signal.SIGINT)
     out, error = process.communicate(timeout=HANGS_AFTER_S)
-    assert (process.returncode, out) == (130, "")
-    assert error == "ropeode: interrupted; nothing was written.\n"
+    said = "ropeode: interrupted; nothing was written.\n"
+    assert (process.returncode, out, error) == (130, "", said)
     assert os.listdir(tmp_path) == []
 
 
@@ -181,18 +162,13 @@ def test_version_and_steppers(run):
 
 
 def test_report(run, tmp_path):
-    done = run("report", "--figures", "4,1", "--frames", "400", "--plots", "pictures")
-    assert done.returncode == 0
-    assert "Of the claims of 2 figures, 2 hold" in done.stdout
-    assert done.stderr == "wrote 3 pictures to pictures\n"
-    assert sorted(path.name for path in (tmp_path / "pictures").iterdir()) == [
-        "contact-sheet-1.png",
-        "figure-01.png",
-        "figure-04.png",
-    ]
-    written = run("report", "--figures", "4", "--frames", "400", "--out", "report.json")
-    assert written.stdout == written.stderr == ""
-    assert json.loads((tmp_path / "report.json").read_text())["figures"][0]["verdict"] == "holds"
+    pictures = ["--plots", "pictures", "--out", "report.json"]
+    done = run("report", "--figures", "4", "--frames", "400", *pictures)
+    assert (done.returncode, done.stdout) == (0, "")
+    assert done.stderr == "wrote 2 pictures to pictures\n"
+    assert sorted(os.listdir(tmp_path / "pictures")) == ["contact-sheet-1.png", "figure-04.png"]
+    figures = json.loads((tmp_path / "report.json").read_text())["figures"]
+    assert [each["verdict"] for each in figures] == ["holds"]
 
 
 @pytest.mark.slow
@@ -204,12 +180,9 @@ def test_an_interrupted_report_keeps_what_is_finished(environment, started):
     while not list(kept.glob("*/*.npz")) and time.monotonic() < deadline:
         time.sleep(0.1)
     process.send_signal(signal.SIGINT)
-    out, error = process.communicate(timeout=HANGS_AFTER_S)
-    assert process.returncode == 130
-    assert out == ""
-    assert error == (
-        "ropeode: interrupted; finished runs are kept; the same command goes on from there.\n"
-    )
+    said = process.communicate(timeout=HANGS_AFTER_S)
+    kept_words = "finished runs are kept; the same command goes on from there"
+    assert (process.returncode, *said) == (130, "", f"ropeode: interrupted; {kept_words}.\n")
     assert len(list(kept.glob("*/*.npz"))) == 1
 
 
@@ -225,42 +198,30 @@ def test_the_stored_library(run):
 
 
 @pytest.mark.slow
-def test_references_in_files(run, tmp_path):
+def test_references_in_files(run):
     done = run("reference", *SMALL, "-o", "rope.nc")
     assert done.returncode == 0, done.stderr
     assert "Estimated error bound" in " ".join(done.stdout.split())
     assert done.stdout.endswith("wrote rope.nc\n")
     shown = run("reference", "show", "rope.nc")
-    assert shown.returncode == 0
+    assert (shown.returncode, "SciPy DOP853" in shown.stdout) == (0, True)
     assert all(len(line) <= 80 for line in shown.stdout.splitlines())
-    assert "SciPy DOP853" in shown.stdout
-    assert "sha256 " in shown.stdout
     verified = run("reference", "verify", "rope.nc")
     assert verified.returncode == 0
     assert verified.stdout.count("within the bounds") == 2
     assert "4 of 4 samples" in " ".join(verified.stdout.split())
 
-    done = run("reference", "--reference", "rope.nc", "--dense", "-o", "dense.nc")
-    assert "Dense output to t = 3" in done.stdout
-    assert "Dense output to t = 3" in run("reference", "show", "dense.nc").stdout
+    for words in (["--reference", "rope.nc", "--dense", "-o", "dense.nc"], ["show", "dense.nc"]):
+        assert "Dense output to t = 3" in run("reference", *words).stdout
     assert run("reference", "verify", "dense.nc").returncode == 0
 
-    direct = run("table", *SMALL, "--steppers", "rk4", "--steps", "8,12,18", "--format", "json")
-    stored = run(
-        "table", "--reference", "rope.nc", "--steppers", "rk4", "--steps", "8,12,18",
-        "--format", "json",
-    )  # fmt: skip
-    mine, its = (json.loads(each.stdout) for each in (stored, direct))
+    more = ["--steppers", "rk4", "--steps", "8,12,18", "--format", "json"]
+    mine, its = (
+        json.loads(run("table", *words, *more).stdout)
+        for words in (["--reference", "rope.nc"], SMALL)
+    )
     assert [row["error_max"] for row in mine["rows"]] == [row["error_max"] for row in its["rows"]]
     assert mine["problem"] == its["problem"]
-
-
-def test_a_reference_of_another_rope_is_refused(run):
-    assert run("reference", *SMALL, "-o", "rope.nc").returncode == 0
-    done = run("table", "--reference", "rope.nc", "--damping", "0.02", "--num-nodes", "4")
-    assert done.returncode == 2
-    assert done.stderr.startswith("ropeode: damping: 0.02 given; allowed: 0.01, which is")
-    assert len(done.stderr.splitlines()) == 1
 
 
 @pytest.mark.parametrize(
@@ -311,16 +272,12 @@ def test_a_process_does_not_wait_for_other_threads(environment):
     code = (
         "import sys, threading, time\n"
         "from ropeode.cli import run_process\n"
-        "def work():\n"
-        "    while True: time.sleep(0.1)\n"
-        "threading.Thread(target=work).start()\n"
+        "threading.Thread(target=time.sleep, args=(10_000,)).start()\n"
         "sys.argv[1:] = ['spec', '--nonsense']\n"
         "run_process()"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code], env=environment, check=False, timeout=HANGS_AFTER_S
-    )
-    assert done.returncode == 2
+    command = [sys.executable, "-c", code]
+    assert subprocess.run(command, env=environment, timeout=HANGS_AFTER_S).returncode == 2
 
 
 @pytest.mark.parametrize(
@@ -330,13 +287,6 @@ def test_a_process_does_not_wait_for_other_threads(environment):
         # Standard output may be closed, and its reader may go away.
         ("check --template rhs >&-", 0, ""),
         ("spec | head -1 >&2", 0, "# What `ropeode table THIS-FILE` computes."),
-        *(
-            pytest.param(*each, marks=pytest.mark.slow)
-            for each in (
-                ("spec --out /dev/full", 2, "out: '/dev/full' given; allowed: a file that can"),
-                ("spec --out /dev/stdout | head -1 >&2", 0, "# What `ropeode table THIS-FILE`"),
-            )
-        ),
     ],
 )
 def test_output_that_goes_nowhere(line, code, words, environment, tmp_path):
@@ -348,8 +298,7 @@ def test_output_that_goes_nowhere(line, code, words, environment, tmp_path):
         env=environment,
         timeout=HANGS_AFTER_S,
     )
-    assert done.returncode == code
-    assert done.stdout == ""
+    assert (done.returncode, done.stdout) == (code, "")
     assert words in done.stderr
     assert len(done.stderr.splitlines()) == bool(words)
 
@@ -365,7 +314,7 @@ def step(rhs, t, y, dt, args):
 
 def test_a_file_that_prints_elsewhere_does_not_take_the_table_along(run):
     Path("steps.py").write_text(PRINTS_ELSEWHERE)
-    done = run("table", "--steppers", "steps.py", "--steps", "16,32,64", "--frames", "2")
+    done = run("table", *SMALL, "--steppers", "steps.py", "--steps", "16,32,64")
     assert done.returncode == 0
     assert "steps.py:step" in done.stdout
 

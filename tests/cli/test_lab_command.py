@@ -27,25 +27,18 @@ def opened(started):
     return call
 
 
-def test_ctrl_c_closes_it_with_one_line_and_leaves_no_process(opened):
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
+def test_it_closes_with_one_line_and_leaves_no_process(how, opened):
     process, address = opened()
     page = urllib.request.urlopen(address, timeout=HANGS_AFTER_S).read().decode()
     assert "lab" in page
     children = psutil.Process(process.pid).children(recursive=True)
     assert children
-    process.send_signal(signal.SIGINT)
+    process.send_signal(how)
     out, err = process.stdout.read(), process.stderr.read()
-    assert (process.wait(HANGS_AFTER_S), err) == (0, "")
-    assert out.splitlines() == ["Ctrl-C closes it.", "The lab is closed."]
-    assert not psutil.wait_procs(children, timeout=10)[1]
-
-
-def test_the_worker_ends_when_the_server_is_killed(opened):
-    process, address = opened()
-    urllib.request.urlopen(address, timeout=HANGS_AFTER_S).read()
-    children = psutil.Process(process.pid).children(recursive=True)
-    assert children
-    process.kill()
+    if how == signal.SIGINT:
+        assert (process.wait(HANGS_AFTER_S), err) == (0, "")
+        assert out.splitlines() == ["Ctrl-C closes it.", "The lab is closed."]
     assert not psutil.wait_procs(children, timeout=10)[1]
 
 

@@ -11,6 +11,7 @@ from PIL import Image
 
 from ropeode.cli import cli
 from ropeode.simulation import simulate
+from tests.sampled import sampled
 
 # The rope of `small_rope`: what it compiles serves many tests.
 SMALL = ["--num-nodes", "4", "--frames", "3"]
@@ -20,7 +21,7 @@ QUICK = [*SMALL, "--steppers", "rk4", "--steps", "4,8,16"]
 TYPES = next(each.type.choices for each in cli.commands["plot"].params if each.name == "name")
 
 
-@pytest.mark.parametrize("name", TYPES)
+@pytest.mark.parametrize("name", sampled(TYPES, ["convergence"]))
 def test_plot(name, run, tmp_path):
     """A norm of errors does not keep energies from being plotted."""
     done = run("plot", *QUICK, "--type", name, "--norm", "velocity-max")
@@ -53,6 +54,7 @@ def test_animate(run, tmp_path, monkeypatch):
     assert os.listdir(tmp_path) == ["rope.gif"]
 
 
+@pytest.mark.slow
 def test_animate_by_default(run, tmp_path):
     """At 64 steps per frame, which 8 samples fit; to MP4 just as well."""
     import imageio_ffmpeg

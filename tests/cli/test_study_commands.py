@@ -20,7 +20,7 @@ SPANS = ["--problem", "oscillator", "--frames", "4", "--spans", "4,100"]
 
 def test_explain_writes_a_file_and_pictures(run, tmp_path):
     done = run(
-        *("explain", "explicit-euler", "--num-nodes", "4", "--frames", "3"),
+        *("explain", "explicit-euler", "--problem", "oscillator", "--frames", "4"),
         *("--steps", "64,128,256", "--norm", "position-max", "--method", "rk4"),
         *("--out", "a.json", "--plots", "new"),
     )
@@ -40,17 +40,6 @@ def test_horizon_in_json(run):
     found = json.loads(done.stdout)
     assert found["schema"] == "ropeode.horizon/2"
     assert [need["measured"] for need in found["needs"]] == [True, False]
-
-
-@pytest.mark.slow
-def test_horizon_in_words_and_its_picture(run, tmp_path):
-    pytest.importorskip("heyoka", reason="heyoka is an extra")
-    done = run("horizon", *SPANS, "--plots", "new")
-    assert (done.returncode, done.stderr) == (0, "wrote 1 picture to new\n")
-    assert "Only rounding is lost" in done.stdout
-    assert all(len(line) <= 80 for line in done.stdout.splitlines())
-    with Image.open(tmp_path / "new" / "horizon.png") as image:
-        assert image.width == 1300
 
 
 def test_work_precision_of_all_kinds_of_methods(run, tmp_path):
@@ -78,24 +67,11 @@ def test_work_precision_of_all_kinds_of_methods(run, tmp_path):
             assert image.width == 1300
 
 
-@pytest.mark.slow
-def test_four_kinds_of_steppers_in_a_table(run):
-    done = run(
-        *("table", "--frames=3", "--num-nodes=4", "--damping=0.1", "--stiffness=10"),
-        f"--steppers={STEPS}:velocity_verlet,diffrax:Heun,scipy:RK23,rk4",
-        *("--steps=16,32,64,128", "--format=json"),
-    )
-    assert done.returncode == 0, done.stderr
-    orders = [each["observed"] for each in json.loads(done.stdout)["orders"]]
-    assert orders == pytest.approx([2, 2, 3, 4], abs=0.1)
-
-
 def test_names_of_files_start_from_the_folder_of_the_spec(run, tmp_path):
+    spec = 'frames = 3\nsteppers = ["steps.py"]\nsteps_per_frame = [8]\n[rope]\nnum_nodes = 4\n'
     (tmp_path / "specs").mkdir()
     (tmp_path / "specs/steps.py").write_text(STEPS.read_text())
-    (tmp_path / "specs/spec.toml").write_text(
-        'frames = 3\nsteppers = ["steps.py"]\nsteps_per_frame = [8]\n[rope]\nnum_nodes = 4\n'
-    )
+    (tmp_path / "specs/spec.toml").write_text(spec)
     done = run("table", "specs/spec.toml")
     assert done.returncode == 0, done.stderr
     assert "steps.py:velocity_verlet" in done.stdout

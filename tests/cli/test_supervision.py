@@ -46,7 +46,7 @@ from ropeode.terminal import with_progress
 def program(does):
     jax.block_until_ready(jax.jit(lambda: jax.pure_callback(does, jax.numpy.ones(())))())
 def computes():
-    end = time.process_time() + 1.6
+    end = time.process_time() + 1.3
     while time.process_time() < end: pass
     return 0.0
 def working(does):
@@ -54,7 +54,7 @@ def working(does):
         progress("rk4: 16 steps per frame", 0.5)
         does()
     return work
-with_progress(working(lambda: time.sleep(1.6)), gives_up_after=1.0)
+with_progress(working(lambda: time.sleep(1.3)), gives_up_after=1.0)
 with_progress(working(lambda: program(computes)), gives_up_after=1.0)
 print("done", flush=True)
 try:
@@ -65,6 +65,7 @@ os._exit(0)
 """
 
 
+@pytest.mark.slow
 def test_a_program_that_waits_for_ever_ends_the_command():
     command = [sys.executable, "-c", WAITING]
     said = subprocess.run(command, capture_output=True, text=True, timeout=HANGS_AFTER_S).stdout
@@ -89,22 +90,24 @@ def test_a_step_that_ends_its_process_has_failed_a_check(form, capsys, command_s
     assert [each["status"] for each in others] == ["skip", "skip"]
 
 
+CRASHES = """
+import ctypes
+def step(acceleration, t, x, v, dt, args):
+    if t > 1.0: ctypes.string_at(0)
+    return x, v
+"""
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("does", ["os._exit(0)", "ctypes.string_at(0)"])
-def test_a_check_of_such_a_step_as_a_process(does, run_process, tmp_path):
-    (tmp_path / "mine.py").write_text(
-        "import ctypes, os\n"
-        "def step(acceleration, t, x, v, dt, args):\n"
-        f"    if t > 1.0: {does}\n"
-        "    v = v + dt * acceleration(t, x, v, args)\n"
-        "    return x + dt * v, v\n"
-    )
+def test_a_check_of_such_a_step_as_a_process(run_process, tmp_path):
+    (tmp_path / "mine.py").write_text(CRASHES)
     done = run_process("check", "mine.py", "--only", "pins,order-driven", "--format", "json")
     found = {each["check"]: each["status"] for each in json.loads(done.stdout)["findings"]}
     assert done.returncode == 1
     assert found == {"purity": "fail", "order-driven": "skip", "pins": "skip"}
 
 
+@pytest.mark.slow
 def test_output_is_there_though_it_was_closed(run_process, tmp_path):
     (tmp_path / "mine.py").write_text(
         "import os\nos.write(1, b'from compiled code')\nos.close(1)\nstep = 1\n"
@@ -115,14 +118,17 @@ def test_output_is_there_though_it_was_closed(run_process, tmp_path):
     assert "stepper: " in done.stderr
 
 
+ENDLESS = """
+import os, pathlib
+def step(rhs, t, y, dt, args):
+    pathlib.Path("pid").write_text(str(os.getpid()))
+    while True: pass
+"""
+
+
 @pytest.mark.slow
 def test_ctrl_c_ends_both_processes(started, tmp_path):
-    (tmp_path / "mine.py").write_text(
-        "import os, pathlib\n"
-        "def step(rhs, t, y, dt, args):\n"
-        "    pathlib.Path('pid').write_text(str(os.getpid()))\n"
-        "    while True: pass\n"
-    )
+    (tmp_path / "mine.py").write_text(ENDLESS)
     process, pid = started("check", "mine.py"), tmp_path / "pid"
     while not (pid.exists() and pid.read_text()):
         time.sleep(0.05)
@@ -135,13 +141,12 @@ def test_ctrl_c_ends_both_processes(started, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("words", ["explain exits.py", "table --steppers exits.py", "sweep s.toml"])
+@pytest.mark.parametrize("words", ["table --steppers exits.py", "sweep s.toml -o out"])
 def test_no_command_ends_silently_with_the_users_code(words, run_process, tmp_path):
-    (tmp_path / "exits.py").write_text(
-        "import os\n\n\ndef step(rhs, t, y, dt, args):\n    os._exit(0)\n"
-    )
+    text = "import os\ndef step(rhs, t, y, dt, args): os._exit(0)\n"
+    (tmp_path / "exits.py").write_text(text)
     (tmp_path / "s.toml").write_text('steppers = ["exits.py"]\nsteps_per_frame = [16]\n')
-    done = run_process(*words.split(), *(["-o", "out"] if words.startswith("sweep") else []))
+    done = run_process(*words.split())
     assert done.returncode == 2
     assert "your code ended its process (exit code 0)" in done.stderr
 

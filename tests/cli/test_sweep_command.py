@@ -79,21 +79,16 @@ def test_the_lines_of_the_page_as_they_are(tmp_path):
     assert done.stdout == "wrote sweep.png\n"
 
 
-def test_the_output(swept, monkeypatch):
+def test_the_output_and_the_picture(swept, monkeypatch):
     monkeypatch.chdir(swept)
     output = (swept / "output.txt").read_text()
     assert "8 of 8 cases" in " ".join(output.split())
     assert re.search(r"^ok +8  the run stayed finite", output, re.MULTILINE)
-    assert re.search(
-        r"^rk4\n    runs: 4 ok\n    max error: .*\n    order: 4 converges", output, re.MULTILINE
-    )
+    words = r"^rk4\n    runs: 4 ok\n    max error: .*\n    order: 4 converges"
+    assert re.search(words, output, re.MULTILINE)
     assert all(len(line) <= 80 for line in output.splitlines())
     assert call("sweep", "show", "out").output == output
     assert call("spec", "sweep").output == commented_sweep()
-
-
-def test_plot_of_a_folder(swept, monkeypatch):
-    monkeypatch.chdir(swept)
     with Image.open("sweep.png") as image:
         assert image.width == 1300
     picture = ("--value", "error_max", "--where", "stepper=rk4", "--out", "map.png")
@@ -101,28 +96,30 @@ def test_plot_of_a_folder(swept, monkeypatch):
     assert (done.exit_code, done.output) == (0, "wrote map.png\n")
 
 
+WHERE = (
+    r"where: rows differ in damping, which this map does not show; allowed: one value of "
+    r"each \(damping: 0.01, 0.1\). Fix: select values, for example --where damping=0.01,"
+)
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["plot", "out", "--x", "frame"], "x: 'frame' given, which does not exist"),
-        (["plot", "out", "--x", "frames", "--value", "status"], "value: 'status' given"),
-        (["plot", "out", "--x", "frames", "--y", "frames"], "y: 'frames' given; allowed: an input"),
-        (["plot", "out", "--where", "rk4"], "where: 'rk4' given; allowed: INPUT="),
-        (["plot", "out", "--where", "stepper=rk"], "where stepper: 'rk' .*: rk4, semi-implicit-e"),
-        (["plot", "out", "--where", "num_nodes=7"], "where num_nodes: '7' given; allowed: 4. Fix"),
-        (["plot", "out", "--where", "seed=0"], "where seed: '0' given; allowed: nothing, since"),
-        (
-            ["plot", "out", "--x", "frames"],
-            r"where: rows differ in damping, which this map does not show; allowed: one value of "
-            r"each \(damping: 0.01, 0.1\). Fix: select values, for example --where damping=0.01,",
-        ),
-        (["plot", "out", "--steps", "8"], "steps_per_frame: '8' given; allowed: only with a spec"),
-        (["sweep", "show", "sweep.toml"], "folder: 'sweep.toml' given; allowed: a folder. F"),
+        ("plot out --x frame", "x: 'frame' given, which does not exist"),
+        ("plot out --x frames --value status", "value: 'status' given"),
+        ("plot out --x frames --y frames", "y: 'frames' given; allowed: an input"),
+        ("plot out --where rk4", "where: 'rk4' given; allowed: INPUT="),
+        ("plot out --where stepper=rk", "where stepper: 'rk' .*: rk4, semi-implicit-e"),
+        ("plot out --where num_nodes=7", "where num_nodes: '7' given; allowed: 4. Fix"),
+        ("plot out --where seed=0", "where seed: '0' given; allowed: nothing, since"),
+        ("plot out --x frames", WHERE),
+        ("plot out --steps 8", "steps_per_frame: '8' given; allowed: only with a spec"),
+        ("sweep show sweep.toml", "folder: 'sweep.toml' given; allowed: a folder. F"),
     ],
 )
 def test_what_cannot_be_shown(arguments, words, swept, monkeypatch):
     monkeypatch.chdir(swept)
-    error = call(*arguments).exception
+    error = call(*arguments.split()).exception
     assert isinstance(error, InputError)
     [line] = error.problems
     assert re.search(words, line), line
@@ -131,10 +128,7 @@ def test_what_cannot_be_shown(arguments, words, swept, monkeypatch):
 
 @pytest.mark.parametrize(
     ("package", "extra", "options"),
-    [
-        *((name, "data", {}) for name in ("pyarrow", "filelock", "pandas")),
-        ("distributed", "dask", {"scheduler": "tcp://localhost:8786"}),
-    ],
+    [("pandas", "data", {}), ("distributed", "dask", {"scheduler": "tcp://localhost:8786"})],
 )
 def test_a_missing_extra_is_one_line(package, extra, options, swept, monkeypatch):
     monkeypatch.setitem(sys.modules, package, None)

@@ -12,17 +12,10 @@ import signal
 import time
 from collections.abc import Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 from ropeode import sandbox
-from ropeode.sweep import (
-    COLUMNS,
-    INPUTS,
-    InProcess,
-    Store,
-    failed_row,
-    read_parts,
-    work_through,
-)
+from ropeode.sweep import COLUMNS, INPUTS, InProcess, Store, failed_row, read_parts, work_through
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,17 +30,13 @@ class Case:
         return {**dict.fromkeys(INPUTS), "key": self.key, "stepper": "rk4", "draw": self.number}
 
 
-@dataclasses.dataclass(frozen=True)
-class Task:
+class Task(NamedTuple):
     number: int
     cases: tuple[Case, ...]
 
     def without(self, keys) -> Task | None:
         left = tuple(case for case in self.cases if case.key not in keys)
         return self._replace(cases=left) if left else None
-
-    def _replace(self, **changes) -> Task:
-        return dataclasses.replace(self, **changes)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -76,38 +65,30 @@ class Rows:
 
     Arguments:
         seconds: to sleep.
-        deadly: cases that kill their process.
-        deadly_once: cases that kill the first process that runs them.
-        notes: a folder with a note of each case that has killed once.
-        raising: cases that raise.
-        slow: cases that never end.
-        saying: of cases, what they say in place of rows.
+        does: of cases, what they do: "die", "die once", "raise" or "hang", or what they say in
+            place of rows.
+        notes: a folder with a note of each case that has died once.
     """
 
     seconds: float = 0.0
-    deadly: frozenset[int] = frozenset()
-    deadly_once: frozenset[int] = frozenset()
+    does: Mapping[int, str | bytes] = dataclasses.field(default_factory=dict)
     notes: Path = Path()
-    raising: frozenset[int] = frozenset()
-    slow: frozenset[int] = frozenset()
-    saying: Mapping[int, bytes] = dataclasses.field(default_factory=dict)
 
     def __call__(self, task: Task) -> list[dict]:
         time.sleep(self.seconds)
         for case in task.cases:
-            note = self.notes / str(case.number)
-            if case.number in self.deadly_once and not note.exists():
+            does, note = self.does.get(case.number, ""), self.notes / str(case.number)
+            if does == "die once" and not note.exists():
                 note.touch()
+                does = "die"
+            if does == "die":
                 os.kill(os.getpid(), signal.SIGKILL)
-            if case.number in self.deadly:
-                os.kill(os.getpid(), signal.SIGKILL)
-            if case.number in self.slow:
-                time.sleep(3600.0)
-            if case.number in self.saying:
-                sandbox.say(self.saying[case.number])
-                time.sleep(3600.0)
-            if case.number in self.raising:
+            if does == "raise":
                 raise ArithmeticError(f"number {case.number}")
+            if isinstance(does, bytes):
+                sandbox.say(does)
+            if does == "hang" or isinstance(does, bytes):
+                time.sleep(3600.0)
         return [row(case) for case in task.cases]
 
 

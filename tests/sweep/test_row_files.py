@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ropeode.errors import RopeodeError
-from ropeode.sweep import COLUMNS, Store, summarize, take_over
+from ropeode.sweep import COLUMNS, Store, summarize
 from tests.sweep.stand_in import Rows, Sweep, compute, expected, row, stored
 
 
@@ -24,13 +24,26 @@ def files(folder: Path) -> dict[str, bytes]:
     return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
 
 
-def test_rows_come_back_as_they_were_and_in_few_files(tmp_path):
+def test_rows_come_back_as_they_were_and_in_few_files(tmp_path, monkeypatch):
     sweep = Sweep(count=47)
     compute(sweep, tmp_path)
     assert stored(tmp_path) == expected(sweep)
     assert sorted(files(tmp_path)) == ["000000.parquet", "000001.parquet", "000002.parquet"]
     # Anyone can read them, without ropeode.
     assert pq.read_table(tmp_path).sort_by("case").to_pylist() == expected(sweep)
+    # To make the tasks of complete partitions again would take hours for a large sweep.
+    (tmp_path / "000002.parquet").unlink()
+    made, tasks = [], Sweep.tasks
+
+    def counted(sweep, first=0):
+        for task in tasks(sweep, first):
+            made.append(task.number)
+            yield task
+
+    monkeypatch.setattr(Sweep, "tasks", counted)
+    compute(sweep, tmp_path)
+    assert made == [10, 11]
+    assert stored(tmp_path) == expected(sweep)
 
 
 class Killed(BaseException):
@@ -80,23 +93,6 @@ def test_a_run_killed_at_any_write_goes_on_and_ends_with_the_same_files(
     shutil.rmtree(folder)
 
 
-def test_tasks_of_complete_partitions_are_not_made_again(tmp_path, monkeypatch):
-    """Making and hashing them would take hours for a large sweep."""
-    compute(Sweep(count=47), tmp_path)
-    (tmp_path / "000002.parquet").unlink()
-    made, tasks = [], Sweep.tasks
-
-    def counted(sweep, first=0):
-        for task in tasks(sweep, first):
-            made.append(task.number)
-            yield task
-
-    monkeypatch.setattr(Sweep, "tasks", counted)
-    compute(Sweep(count=47), tmp_path)
-    assert made == [10, 11]
-    assert stored(tmp_path) == expected(Sweep(count=47))
-
-
 def test_a_full_disk_ends_in_one_line_and_loses_nothing(tmp_path, room_for):
     """A limit on the size of files stands for the disk: no partition can be merged."""
     sweep, folder = Sweep(count=47), tmp_path / "full"
@@ -124,9 +120,9 @@ def test_a_damaged_file_is_named(tmp_path):
     assert stored(tmp_path) == expected(Sweep(count=8))
 
 
-def test_rows_of_many_files_are_summed_up_and_taken_over(tmp_path):
-    rows = tmp_path / "rows-1"
-    compute(Sweep(count=47), rows, Rows(raising=frozenset({2, 46})))
+def test_rows_of_many_files_are_summed_up(tmp_path):
+    work = Rows(does={2: "raise", 46: "raise"})
+    compute(Sweep(count=47), tmp_path / "rows-1", work)
     index = {"spec": {}, "software": {}, "count": 50, "columns": COLUMNS, "rows": "rows-1"}
     (tmp_path / "index.json").write_text(json.dumps({"format": 1, **index}))
     summary = summarize(tmp_path)
@@ -137,14 +133,6 @@ def test_rows_of_many_files_are_summed_up_and_taken_over(tmp_path):
     assert dict(own.counts["resolved"]) == {False: 16, True: 29}
     assert summary.reasons == {("failed", f"ArithmeticError: number {n}"): 1 for n in (2, 46)}
 
-    def store(name):
-        return Store(tmp_path / name, COLUMNS, partition_size=5)
-
-    assert take_over(rows, store("new"), Sweep(count=60)) == 0
-    assert stored(tmp_path / "new") == stored(rows)
-    # A smaller sweep does not have them all.
-    assert take_over(rows, store("small"), Sweep(count=30)) == 17
-
 
 @pytest.mark.parametrize(("count", "again"), [(5, 2), (47, 4)])
 def test_cases_with_a_shorter_limit_are_tried_again(tmp_path, monkeypatch, count, again):
@@ -152,40 +140,33 @@ def test_cases_with_a_shorter_limit_are_tried_again(tmp_path, monkeypatch, count
 
     So are those that killed their process, where that is asked for.
     """
-    late, died = {0: 2.0, 1: 2.0, 2: 2.0, 6: 9.0, 40: 2.0}, 3
+    late = {0: 2.0, 1: 2.0, 2: 2.0, 6: 9.0, 40: 2.0}
+    unlucky = {n: {"status": "timed-out", "seconds": late[n]} for n in late}
+    unlucky[3] = {"status": "worker-died", "seconds": None}
 
     def work(task):
-        rows = [row(case) for case in task.cases]
-        for case, each in zip(task.cases, rows, strict=True):
-            if case.number in late:
-                each |= {"status": "timed-out", "seconds": late[case.number]}
-            if case.number == died:
-                each |= {"status": "worker-died", "seconds": None}
-        return rows
-
-    def killed(*_, **__):
-        raise KeyboardInterrupt
+        return [row(case) | unlucky.get(case.number, {}) for case in task.cases]
 
     folder, sweep = tmp_path / "rows", Sweep(count=count)
     store = Store(folder, COLUMNS, partition_size=5)
     if count == 5:
         # The second task is not done.
-        store.add(0, store.table(next(sweep.tasks()).cases[1:], work(next(sweep.tasks()))[1:]))
+        task = next(sweep.tasks())
+        store.add(0, store.table(task.cases[1:], work(task)[1:]))
     else:
         compute(sweep, folder, work)
     before = store.count()
     store.reopen(2.0, died=False)
     assert store.count() == before
     with monkeypatch.context() as patch:
-        patch.setattr(Path, "unlink", killed)
+        patch.setattr(Path, "unlink", mock.Mock(side_effect=KeyboardInterrupt))
         replaced = mock.Mock(side_effect=[DEFAULT, KeyboardInterrupt], wraps=os.replace)
         patch.setattr(os, "replace", replaced)
         with pytest.raises(KeyboardInterrupt):
             store.reopen(3.0, died=True)
-    store.reopen(3.0, died=False)
-    assert store.count() == before - again
-    store.reopen(0.0, died=True)
-    assert store.count() == before - again - 1
+    for limit, died, left in ((3.0, False, before - again), (0.0, True, before - again - 1)):
+        store.reopen(limit, died=died)
+        assert store.count() == left
     compute(sweep, folder)
     kept = [each["status"] for each in stored(folder)]
     assert kept == ["timed-out" if n == 6 else "ok" for n in range(count)]

@@ -68,15 +68,11 @@ def test_tasks_hold_every_case_once_and_one_shape_each():
     tasks = list(spec.tasks())
     assert sorted(case.number for task in tasks for case in task.cases) == list(range(spec.count))
     for task in tasks:
-        shapes = {(c.parameters["num_nodes"], c.parameters["frames"]) for c in task.cases}
-        assert len(shapes) == 1
+        assert len({(c.parameters["num_nodes"], c.parameters["frames"]) for c in task.cases}) == 1
     assert [task.number for task in tasks] == list(range(len(tasks)))
     assert list(spec.tasks(2)) == tasks[2:]
     first, *rest = tasks[0].cases
-    left = tasks[0].without({first.key})
-    assert left is not None
-    assert list(left.cases) == rest
-    assert left.number == 0
+    assert tasks[0].without({first.key}) == (0, (*rest,))
     assert tasks[0].without({case.key for case in tasks[0].cases}) is None
 
 
@@ -92,19 +88,19 @@ def test_a_design_of_hundred_million_cases_takes_no_room():
     assert len(next(spec.tasks()).cases) == 4 * 64
 
 
-MORE = {
-    "draws": ("count = 3", "count = 5"),
-    "seeds": ("seeds = [4, 7]", "seeds = [9, 7, 4]"),
-    "values": ("damping = [0.0, 0.1]", "damping = [0.3, 0.1, 0.0]"),
-    "steppers": ('["rk4", ', '["velocity-verlet", "rk4", '),
-    "steps": ("[8, 16]", "[8, 12, 16]"),
-}
-
-
-@pytest.mark.parametrize("what", MORE)
-def test_a_sweep_that_grows_keeps_its_cases(what, small):
+@pytest.mark.parametrize(
+    ("few", "more"),
+    [
+        ("count = 3", "count = 5"),
+        ("seeds = [4, 7]", "seeds = [9, 7, 4]"),
+        ("damping = [0.0, 0.1]", "damping = [0.3, 0.1, 0.0]"),
+        ('["rk4", ', '["velocity-verlet", "rk4", '),
+        ("[8, 16]", "[8, 12, 16]"),
+    ],
+)
+def test_a_sweep_that_grows_keeps_its_cases(few, more, small):
     _, before = small
-    after = {case.key: case for case in sweep(SMALL.replace(*MORE[what])).cases()}
+    after = {case.key: case for case in sweep(SMALL.replace(few, more)).cases()}
     assert len(after) > len(before)
     for case in before:
         assert after[case.key].inputs() == case.inputs()
@@ -117,8 +113,9 @@ def test_steppers_and_steps_may_be_drawn():
     cases = list(spec.cases())
     assert len(cases) == spec.count == 2 * 2 * 6
     assert {case.stepper for case in cases} == {"rk4", "velocity-verlet"}
-    assert len({case.steps_per_frame for case in cases}) > 3
-    assert all(4 <= case.steps_per_frame <= 40 for case in cases)
+    steps = {case.steps_per_frame for case in cases}
+    assert len(steps) > 3
+    assert steps <= {*range(4, 41)}
 
 
 def test_a_number_of_nodes_is_drawn_before_lists():
@@ -146,30 +143,21 @@ def test_no_velocity_is_drawn_for_a_pinned_node():
 BAD = {
     "norm": "norm = 'big'\nsteps_per_frame = []\n[grid]\ndamping = 1\n[random]\ncount = -1",
     "stepers": 'stepers = ["rk4"]',
-    "stepper: 3": "steppers = 3",
     "order_factors": "order_factors = [1, 2]",
-    "foo": "[grid]\nfoo = [1]",
     "damping": "[grid]\ndamping = [-1.0, 0.1, -2.0]",
     "grid.stiffness": "[grid]\nstiffness = [1.0, 1]",
     "grid.node_mass": "[grid]\nnode_mass = [inf]",
-    "grid.steps_per_frame": "[grid]\nsteps_per_frame = [4]",
     "gravity": "[rope]\ngravity = [0, -1]\n[grid]\ngravity = [[0, -1]]",
     "random": "[random]\ncount = 3",
     "random.count": "[random]\nstiffness = { uniform = [1, 2] }",
-    "random.seeds": "[random]\ncount = 1\nseeds = [1, 1]\nstiffness = { uniform = [1, 2] }",
     "stiffness": "[random]\ncount = 1\nstiffness = { uniform = [0, 2] }",
-    "random.stiffness": "[random]\ncount = 1\nstiffness = 3",
     "random.end": "[random]\ncount = 1\nend = { uniform = [1, 2], choice = [3] }",
     "random.stepper": "[random]\ncount = 1\nstepper = { uniform = [1, 2] }",
-    "rk5": '[random]\ncount = 1\nstepper = { choice = ["rk5"] }',
     "velocity-verlet": 'problem = "lorenz"\nsteppers = ["velocity-verlet"]',
     "rope": 'problem = "lorenz"\n[rope]\ndamping = 1.0',
-    "largest_stable_dt": 'problem = "lorenz"\nlargest_stable_dt = true',
     "random.periods": 'problem = "kepler"\n[random]\ncount = 1\n'
     'periods = { uniform = [1, 2], for_each = "node" }',
     "pinned": 'kind = "inextensible-rope"\n[grid]\npinned = [[0], [0, 15]]',
-    "grid": "grid = 3",
-    "problem": 'problem = "missing.py:foo"',
     "problem: {'kind': 'rope'}": '[problem]\nkind = "rope"',
     "steps_per_frame: [[1]]": "[random]\ncount = 1\nsteps_per_frame = { choice = [[1], [1]] }",
 }
@@ -190,17 +178,15 @@ def test_bad_values_are_all_reported_before_anything_runs(what):
 
 
 def test_the_commented_spec(tmp_path):
-    path = tmp_path / "sweep.toml"
-    text = commented_sweep()
+    path, text = tmp_path / "sweep.toml", commented_sweep()
     path.write_text(text)
-    spec = read_sweep(path)
-    assert spec.count == 2 * 2 * 2 * 3
+    assert read_sweep(path).count == 2 * 2 * 2 * 3
     # The lines that are commented out can be used as well.
-    path.write_text(text.replace("# accuracy", "accuracy").replace("# rtol", "rtol"))
+    head, random, rest = text.partition("# [random]")
+    head = head.replace("# accuracy", "accuracy").replace("# rtol", "rtol")
+    path.write_text(head + (random + rest).replace("# ", ""))
     assert read_sweep(path).fields.accuracy == 1e-6
-    start = text.index("# [random]")
-    path.write_text(text[:start] + text[start:].replace("# ", ""))
-    assert read_sweep(path).count == 2 * spec.count
+    assert read_sweep(path).count == 2 * 2 * 2 * 2 * 3
 
 
 def test_a_spec_of_a_table_says_the_same_of_its_problem():

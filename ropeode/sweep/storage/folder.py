@@ -5,11 +5,10 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import datetime
-import functools
 import json
 import os
 import socket
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -140,30 +139,6 @@ def locked(folder: Path) -> Iterator[None]:
         (folder / HOLDER).unlink(missing_ok=True)
     finally:
         lock.release()
-
-
-@contextlib.contextmanager
-def locked_early(folder: Path) -> Iterator[Callable[[], None]]:
-    """Lock a folder at once if it has had a lock before; else when what is yielded is called.
-
-    So a folder in use is refused before anything is imported that takes seconds, and one that
-    is no sweep's yet is left alone until the spec has been checked.
-
-    Arguments:
-        folder: that exists at the latest when it is locked.
-
-    Raises:
-        InputError: as for `locked`.
-    """
-    with contextlib.ExitStack() as stack:
-
-        @functools.cache
-        def lock() -> None:
-            stack.enter_context(locked(folder))
-
-        if (folder / LOCK).exists():
-            lock()
-        yield lock
 
 
 def _holder(folder: Path) -> str:
