@@ -36,6 +36,7 @@ settings.load_profile("repeatable")
 # What `set_up_jax` changes; a process that is the command's own keeps it.
 JAX_SETTINGS = (
     "jax_enable_x64",
+    "jax_platforms",
     "jax_compilation_cache_dir",
     "jax_persistent_cache_min_compile_time_secs",
     "jax_persistent_cache_min_entry_size_bytes",

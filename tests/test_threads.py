@@ -30,7 +30,7 @@ def test_a_limit_holds_until_it_is_taken_back():
     assert cores() == there
 
 
-def test_a_small_system_is_not_computed_on_a_gpu(small_rope, monkeypatch):
+def test_a_small_system_is_not_computed_on_a_gpu(small_rope, same_jax_settings, monkeypatch):
     """Each operation of a step would wait longer for a GPU than it takes a processor."""
     devices = []
 
@@ -38,6 +38,7 @@ def test_a_small_system_is_not_computed_on_a_gpu(small_rope, monkeypatch):
         devices.append(jax.config.jax_default_device)  # pyright: ignore
         return small_rope.rhs(t, y, args)
 
+    jax.config.update("jax_platforms", None)
     problem = dataclasses.replace(small_rope, rhs=rhs)
     del devices[:]
     monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
@@ -51,15 +52,11 @@ def test_a_small_system_is_not_computed_on_a_gpu(small_rope, monkeypatch):
 
 
 @pytest.mark.parametrize("given", [None, "cpu,xyz"])
-def test_a_command_asks_jax_for_the_processor(given, command_surroundings, monkeypatch):
+def test_a_command_asks_jax_for_the_processor(given, command_surroundings):
     """Unless the user asks for more."""
-    platforms = jax.config.jax_platforms  # pyright: ignore
-    try:
-        jax.config.update("jax_platforms", given)
-        run_command(["table", "--problem=no such problem"])
-        assert jax.config.jax_platforms == (given or "cpu")  # pyright: ignore
-    finally:
-        jax.config.update("jax_platforms", platforms)
+    jax.config.update("jax_platforms", given)
+    run_command(["table", "--problem=no such problem"])
+    assert jax.config.jax_platforms == (given or "cpu")  # pyright: ignore
 
 
 def test_as_many_threads_as_are_asked_for():

@@ -175,7 +175,8 @@ def _series_of_states(
     else:
         exact, bound = reference.at(at), reference.bound_at(at, norm)
     values = distance(problem, norm, states, exact)
-    return ErrorSeries(norm, at, values, RESOLUTION_FACTOR * bound)
+    with np.errstate(over="ignore"):  # A bound near the largest number tells nothing.
+        return ErrorSeries(norm, at, values, RESOLUTION_FACTOR * bound)
 
 
 def distances(states: np.ndarray, reference: Reference, norm: Norm) -> np.ndarray:
@@ -221,7 +222,8 @@ def differences(states: np.ndarray, reference: Reference) -> np.ndarray:
 
 def resolution(reference: Reference, norm: Norm) -> np.ndarray:
     """The smallest error that the reference can tell at each trusted sample, ``(samples,)``."""
-    return RESOLUTION_FACTOR * reference.bound(norm)[: reference.trusted]
+    with np.errstate(over="ignore"):
+        return RESOLUTION_FACTOR * reference.bound(norm)[: reference.trusted]
 
 
 def error_sizes(problem: Problem, errors: np.ndarray, norm: Norm) -> np.ndarray:

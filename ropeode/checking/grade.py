@@ -133,7 +133,7 @@ def grade(
     diagnosis: tuple[Diagnosis, ...] = ()
     wrong = order.status == "fail"
     if diagnose and wrong and (mistake := program()) and mistake.cause != "method":
-        diagnosis = (mistake,)
+        diagnosis = (_or_so_written(reference, known, mistake),)
     elif diagnose and len(known) >= FEWEST and (wrong or expected is None):
         progress("diagnosis", 0.95)
         late = late_samples(reference, known)
@@ -196,6 +196,17 @@ def _program(reference: Reference, runs: Sequence[Run]) -> Diagnosis | None:
 
     states = [(run.dt, run.states) for run in runs]
     return diagnose_program(reference.problem, states, reference.states)
+
+
+def _or_so_written(reference: Reference, runs: Sequence[Run], mistake: Diagnosis) -> Diagnosis:
+    """The mistake of a program, with one in writing its files that would look the same."""
+    if mistake.cause != "parameters" or len(runs) < FEWEST:
+        return mistake
+    written = explain_columns(reference, runs)
+    if written is None or not written.like_another_problem:
+        return mistake
+    line = f"{mistake.line}; or, which is the same in the files, {written.line}"
+    return dataclasses.replace(mistake, line=line)
 
 
 def _pins_finding(reference: Reference, runs: Sequence[Run]) -> Finding:

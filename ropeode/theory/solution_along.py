@@ -131,7 +131,8 @@ def _followed(reference: Reference, progress: Progress) -> Along | str:
             return "the solution is smooth over a small part of a frame only"
         count += len(t)
         found.append((t[:, None] + _FRACTIONS * length[:, None], y[:, None] + moved, flow))
-        more = length < 2.0 * left
+        # What rounding leaves of a frame is no piece of its own.
+        more = left - length / 2.0 > late
         t, y = t[more] + length[more] / 2.0, y[more] + moved[more, -1]
         left, length = left[more] - length[more] / 2.0, length[more]
     pieces = [

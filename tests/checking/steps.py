@@ -8,6 +8,7 @@ from tests.checking.mutants.originals import own_euler as own_forces  # noqa: F4
 from tests.checking.mutants.originals import rk4, velocity_verlet  # noqa: F401
 
 COUNT = 0
+BEFORE = None
 
 
 def euler(rhs, t, y, dt, args):
@@ -51,6 +52,14 @@ def accelerations(x, v, args, *pulls):
 
 
 # What follows is wrong.
+
+
+def remembers(acceleration, t, x, v, dt, args):
+    global BEFORE
+    before = x - dt * v if BEFORE is None else BEFORE
+    BEFORE = x
+    new = 2 * x - before + dt**2 * acceleration(t, x, v, args)
+    return new, (new - x) / dt
 
 
 def counts(acceleration, t, x, v, dt, args):

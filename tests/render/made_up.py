@@ -277,7 +277,7 @@ def explanation():
     wrong = study.Part(0.75, 1e-9, True, 1.5, 2, None)
     table = accuracy_table()
     table = table_of(table.rows[:4], table.orders[:1])
-    limit = theory.SpectralLimit(theory.StableSteps(12, 0.0875), 1.0, 2j, 0.0, 3)
+    limit = theory.SpectralLimit(theory.StableSteps(12, 0.0875), 1.0, 2j, 3)
     limits = theory.StabilityLimits(
         theory.StableInterval(0.0, 1000.0, growth=theory.LeadingTerm(0.5, 2)),
         theory.StableInterval(2.0, 1000.0),

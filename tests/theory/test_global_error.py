@@ -6,8 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from ropeode import Problem
-from ropeode.problems import LinearDamping
+from ropeode import Problem, reference
+from ropeode.problems import PROBLEMS, LinearDamping
 from ropeode.simulation import method_of
 from ropeode.theory import predicted_error
 from tests.exact_reference import exact_reference
@@ -76,6 +76,12 @@ def test_what_settles_slowly_is_not_predicted():
     """Slopes from before the start: the first steps' own errors look like growth for long."""
     found = str(predicted("adams-bashforth3:start=euler"))
     assert "settles slowly: 2 steps more change it by" in found
+
+
+def test_frames_that_pieces_of_the_solution_fill_but_for_rounding():
+    """What was left of a frame, less than one unit of time's last place, stood in it twice."""
+    orbit = PROBLEMS["kepler"](frames=3, eccentricity=0.1)
+    assert predicted("rk4", reference(orbit)).order == 4
 
 
 def test_a_single_frame_has_a_prediction():

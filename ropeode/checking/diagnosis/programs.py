@@ -17,6 +17,8 @@ import numpy as np
 from ropeode.checking.diagnosis.limits import Runs
 from ropeode.checking.written_precision import last_digit
 from ropeode.problems import Problem
+from ropeode.theory import is_rope
+from ropeode.theory.known_mistakes import RIGHT
 
 # Acceleration of positions and velocities, all ``(copies, dim, nodes)``.
 Acceleration = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -64,23 +66,19 @@ class Term(NamedTuple):
 
 _ZERO = "set the forces on all nodes to zero before each step"
 _NO_FACTOR = "multiply no velocity; a damping is a force"
-_FORCE = "f = stiffness * (length - rest_length) * d / length"
 _ENDS = "f[i] += pull; f[i + 1] -= pull"
-_DAMPING = "f -= damping * v"
 TERMS = {
-    "gravity": Term("gravity", 1.0, (1.0,), "a = f / mass + gravity"),
-    "stiffness": Term("the stiffness of springs", 1.0, (1.0, -1.0, 0.5, 2.0), _FORCE),
-    "rest": Term("the rest length of springs", 1.0, (1.0, 0.0), _FORCE),
+    "gravity": Term("gravity", 1.0, (1.0,), RIGHT["gravity"]),
+    "stiffness": Term("the stiffness of springs", 1.0, (1.0, -1.0, 0.5, 2.0), RIGHT["spring"]),
+    "rest": Term("the rest length of springs", 1.0, (1.0, 0.0), RIGHT["spring"]),
     "first_ends": Term("the pull of springs on the node before them", 1.0, (1.0, 0.0), _ENDS),
     "second_ends": Term("the pull of springs on the node behind them", 1.0, (1.0, 0.0), _ENDS),
-    "damping": Term("the damping", 1.0, (1.0, 0.0), _DAMPING),
-    "further": Term("a further damping of nodes", 0.0, (0.0,), _DAMPING),
-    "dashpot": Term("a damping along each spring", 0.0, (0.0,), _FORCE),
-    "per_spring": Term("a damping of each spring's two nodes", 0.0, (0.0,), _DAMPING),
-    "forces": Term(
-        "the sum of all forces but gravity", 1.0, (1.0, -1.0, 0.5, 2.0), "a = f / mass + gravity"
-    ),
-    "all": Term("the acceleration", 1.0, (1.0, -1.0, 0.5, 2.0), "a = f / mass + gravity"),
+    "damping": Term("the damping", 1.0, (1.0, 0.0), RIGHT["damping"]),
+    "further": Term("a further damping of nodes", 0.0, (0.0,), RIGHT["damping"]),
+    "dashpot": Term("a damping along each spring", 0.0, (0.0,), RIGHT["spring"]),
+    "per_spring": Term("a damping of each spring's two nodes", 0.0, (0.0,), RIGHT["damping"]),
+    "forces": Term("the sum of all forces but gravity", 1.0, (1.0, -1.0, 0.5, 2.0), RIGHT["mass"]),
+    "all": Term("the acceleration", 1.0, (1.0, -1.0, 0.5, 2.0), RIGHT["mass"]),
     # A velocity is multiplied after the forces have seen it, before they do, or at the end.
     "kept": Term("the velocity kept by a step", 1.0, (1.0, 0.99), _NO_FACTOR),
     "kept_first": Term("the velocity kept by a step", 1.0, (1.0, 0.99), _NO_FACTOR),
@@ -88,6 +86,8 @@ TERMS = {
     "old_forces": Term("the forces kept from the step before", 0.0, (0.0, 1.0), _ZERO),
     "old_gravity": Term("the gravity kept from the step before", 0.0, (0.0, 1.0), _ZERO),
 }
+# The numbers of a rope without springs, and the terms that it does not have.
+_RIGID = {"mass", "rest_length", "free", "gravity", "damping"}
 _OF_SPRINGS = {"stiffness", "rest", "first_ends", "second_ends", "dashpot", "forces"}
 # The terms that one mistake changes alike.
 CHANGES: tuple[tuple[str, ...], ...] = (
@@ -243,7 +243,7 @@ class Method(NamedTuple):
 
 
 METHODS = {
-    "rope": (
+    "springs": (
         Method("semi-implicit Euler", _semi_implicit_euler),
         Method("explicit Euler", _explicit_euler),
         Method("Störmer-Verlet that starts at rest", _semi_implicit_euler, _at_rest),
@@ -260,7 +260,7 @@ METHODS = {
         Method("the midpoint method", _midpoint),
         Method("Heun's method", _heun),
     ),
-    "inextensible-rope": tuple(
+    "rigid links": tuple(
         Method(f"Verlet with links restored {when} each step{words}", _semi_implicit_euler, *how)
         for words, start in ((" that starts at rest", _at_rest), ("", _by_taylor))
         for when in ("before", "after")
@@ -458,9 +458,9 @@ def programs_of(problem: Problem, runs: Runs, truth: np.ndarray) -> tuple[Progra
         Programs of one method, with the same number of changes, between which the runs cannot
         decide; none if no method of `METHODS`, with at most one change, computes them.
     """
-    kind = problem.parameters.get("kind", "")
-    if kind not in METHODS or np.ndim(problem.args.mass) != 1:
+    if not {*getattr(problem.args, "_fields", ())} >= _RIGID or np.ndim(problem.args.mass) != 1:
         return ()
+    kind = "springs" if is_rope(problem) else "rigid links"
     fixed = fixed_nodes(problem, runs, truth)
     if fixed:
         free = problem.args.free.copy()
@@ -476,7 +476,7 @@ def programs_of(problem: Problem, runs: Runs, truth: np.ndarray) -> tuple[Progra
         return ()
     right, changed = [_RIGHT], [_RIGHT]
     for terms in CHANGES:
-        if kind == "rope" or not {*terms} & _OF_SPRINGS:
+        if kind == "springs" or not {*terms} & _OF_SPRINGS:
             changed += [_Guess(terms, start) for start in TERMS[terms[0]].starts]
     searches: Sequence[Callable[[Method], list[Program]]] = (
         lambda method: _programs(method, right, known, _by_number),
