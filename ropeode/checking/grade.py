@@ -286,7 +286,8 @@ def _diagnosed(
         return (_of_files(written),)
     if (rope := other()) is not None:
         return (rope,)
-    if (named := program()) is not None:
+    orders = {} if order.convergence is None else order.convergence.orders
+    if all(each.verdict == "converges" for each in orders.values()) and (named := program()):
         return (named,)
     solved = _solved(reference, runs)
     if written is None:

@@ -33,6 +33,7 @@ class Program:
     single_length: bool = False
     starts: str = "given"
     counts_by_time: bool = False
+    exact_damping: bool = False
 
     def acceleration(self, x, v, dt):
         args = self.problem.args
@@ -76,6 +77,9 @@ class Program:
                     x, last = x + self.kept * (x - last) + dt * dt * a, x
                     v = (x - last) / dt
                 elif self.method == "semi-implicit":
+                    if self.exact_damping:
+                        args = self.problem.args
+                        v = np.exp(-args.damping * dt / args.mass)[:, None] * v
                     v = self.kept * v + dt * self.acceleration(x, v, dt)
                     x = x + dt * v
                 elif self.method == "midpoint":
@@ -173,6 +177,13 @@ def test_a_right_program_is_called_by_its_method(known, tmp_path, change):
     steps = (128, 256, 512)
     report = grade(program.files(tmp_path, steps), known["moving"], expected_order=4)
     assert [each.cause for each in report.diagnosis] == ["method"]
+
+
+def test_a_treatment_of_damping_that_is_right_in_the_limit_is_no_mistake(tmp_path):
+    damped = reference(Rope(**SPRINGS, damping=0.05).problem(FRAMES))
+    program = Program(damped.problem, damping=0.0, exact_damping=True)
+    (diagnosis,) = grade(program.files(tmp_path), damped, expected_order=2).diagnosis
+    assert diagnosis.cause not in ("parameters", "step-size", "damping-per-step")
 
 
 def test_lengths_in_single_precision_refute_nothing(tmp_path):

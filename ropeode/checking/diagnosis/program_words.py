@@ -8,7 +8,14 @@ from typing import NamedTuple
 import numpy as np
 
 from ropeode.checking.diagnosis.limits import Runs
-from ropeode.checking.diagnosis.programs import TERMS, Program, fixed_nodes, power, programs_of
+from ropeode.checking.diagnosis.programs import (
+    KEPT,
+    TERMS,
+    Program,
+    fixed_nodes,
+    power,
+    programs_of,
+)
 from ropeode.checking.report import Diagnosis
 from ropeode.checking.simple_numbers import shortest
 from ropeode.problems import Problem
@@ -51,7 +58,6 @@ def _minus_1(value: float) -> bool:
     return value == -1.0
 
 
-_KEPT = ("kept", "kept_first", "kept_last")
 _SCALE = "leave it out, or scale it with dt: v *= exp(-rate * dt), or a damping force"
 _ZERO = "set the forces on all nodes to zero before each step"
 # The first that fits is said; others are said by their term, value and power of dt.
@@ -60,7 +66,7 @@ _MISTAKES = (
         _Known((name,), 0.0, _less_than_1, "damping-per-step",
                "each step keeps {} of the velocity, however long the step is, so that the runs "
                "have no limit as dt goes to 0", _SCALE)
-        for name in _KEPT
+        for name in KEPT
     ),
     _Known(("kept", "all"), 0.0, _less_than_1, "damping-per-step",
            "each step multiplies the new velocity by {}, however long the step is, so that the "
@@ -155,21 +161,21 @@ def _said(program: Program, mass: float) -> tuple[str, str, str]:
     if program.single:
         words = "a part of the force, such as the length of a spring, is in single precision"
         return "float32", words, "compute in double precision throughout"
-    values, exponent = np.array([*program.found.values()]), power(program)
+    values, exponent = np.array([*program.found.values()]), power(program) or 0.0
     value = float(values[0])
     if exponent == 0.0:
         value = shortest(value, max(float(np.ptp(values)), 1e-7 * abs(value)))
     for known in _MISTAKES:
         if (known.terms, known.power) == (program.changed, exponent) and known.values(value):
             return known.cause, known.words.format(f"{value:g}"), known.remedy
-    if program.changed[0] in _KEPT and exponent == 1.0:
+    if program.changed[0] in KEPT and exponent == 1.0:
         dt = next(iter(program.found))
         words = f"there is a further damping, of coefficient {(1.0 - value) / dt * mass:.4g}"
         return "parameters", words, TERMS["further"].remedy
     return _by_power(program, value, exponent)
 
 
-def _by_power(program: Program, value: float, exponent: float | None) -> tuple[str, str, str]:
+def _by_power(program: Program, value: float, exponent: float) -> tuple[str, str, str]:
     term = TERMS[program.changed[0]]
     name = term.name
     if exponent == 0.0 and program.changed == ("forces",):
@@ -181,15 +187,12 @@ def _by_power(program: Program, value: float, exponent: float | None) -> tuple[s
         return "parameters", f"there is {name}, of coefficient {value:g}", term.remedy
     if exponent == 0.0:
         return "parameters", f"{name} is {value:g} times what it should be", term.remedy
-    if exponent is not None and exponent > 0.0:
+    if exponent > 0.0:
         more = "once more" if exponent == 1.0 else "twice more"
         return "step-size", f"{name} is multiplied by dt {more}", term.remedy
-    if exponent is not None and "damping" in name:
+    if "damping" in name:
         words = (
             f"{name} acts once per step, however long the step is, so that the runs have no limit"
         )
         return "damping-per-step", f"{words} as dt goes to 0", _SCALE
-    if exponent is not None:
-        return "step-size", f"{name} is divided by dt, or dt is missing there", term.remedy
-    found = ", ".join(f"{each:.4g}" for each in program.found.values())
-    return "step-size", f"{name} is {found} times what it should be, by step size", term.remedy
+    return "step-size", f"{name} is divided by dt, or dt is missing there", term.remedy

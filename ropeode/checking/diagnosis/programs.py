@@ -37,6 +37,8 @@ _SAME, _OF_ROUNDING = 1e-9, 4.0
 _LEFT = 1e-3
 # The rounding of a whole run, as a relative error of its start; and how much that may explain.
 _LAST_BITS, _LARGEST = 2.0**-46, 1e-3
+# What moves by less than this part of the motion may seem to stand still in few digits.
+_STILL = 1e-3
 # Of a velocity on which its own damping depends.
 _ITERATIONS = 16
 # By how much a term is changed for its derivative, and how often it is corrected.
@@ -86,6 +88,7 @@ TERMS = {
     "old_forces": Term("the forces kept from the step before", 0.0, (0.0, 1.0), _ZERO),
     "old_gravity": Term("the gravity kept from the step before", 0.0, (0.0, 1.0), _ZERO),
 }
+KEPT = ("kept", "kept_first", "kept_last")
 # The numbers of a rope without springs, and the terms that it does not have.
 _RIGID = {"mass", "rest_length", "free", "gravity", "damping"}
 _OF_SPRINGS = {"stiffness", "rest", "first_ends", "second_ends", "dashpot", "forces"}
@@ -491,7 +494,6 @@ def programs_of(problem: Problem, runs: Runs, truth: np.ndarray) -> tuple[Progra
                 found += search(method)
                 if any(power(each) == 0.0 for each in found):
                     break
-            # What follows no power of dt is a chance.
             powers = [each for each in found if power(each) is not None]
             if powers:
                 simple = [each for each in powers if power(each) == 0.0] or powers[:1]
@@ -513,21 +515,32 @@ def _named(program: Program, problem: Problem, fixed: tuple[int, ...]) -> Progra
 def fixed_nodes(problem: Problem, runs: Runs, truth: np.ndarray) -> tuple[int, ...]:
     """The nodes that should move, and do so in no run; arguments as for `programs_of`."""
     still = [np.all(states[:, 0] == states[0, 0], axis=(0, 1)) for _, states in runs]
-    moves = np.any(truth[:, 0] != truth[0, 0], axis=(0, 1))
+    way = np.max(np.abs(truth[:, 0] - truth[0, 0]), axis=(0, 1))
+    moves = way > _STILL * np.max(way)
     return tuple(np.flatnonzero(np.all(still, axis=0) & moves).tolist())
 
 
 def power(program: Program) -> float | None:
-    """To which power of dt the change of a term is proportional; None if to none that is simple."""
+    """To which power of dt a term is changed.
+
+    Returns:
+        0 for a change that is the same at all step sizes, 1 for a factor that is proportional to
+        dt, and so on; None if it follows no power, or vanishes with dt as the error of a method
+        does, which is no mistake.
+    """
     if not program.changed:
         return 0.0
-    expected = TERMS[program.changed[0]].expected
+    name = program.changed[0]
     dts, values = (np.array(each) for each in zip(*program.found.items(), strict=True))
-    for exponent, off in (
-        (0.0, values - expected),
-        *((e, each) for e in (1.0, -1.0, 2.0) for each in (values - expected, values)),
-    ):
-        scaled = off / dts**exponent
+    change = values - TERMS[name].expected
+    if name in KEPT:
+        candidates = [(0.0, change), (1.0, change)]
+    elif TERMS[name].expected == 0.0:
+        candidates = [(0.0, change), (-1.0, change)]
+    else:
+        candidates = [(0.0, change), *((exponent, values) for exponent in (1.0, -1.0, 2.0))]
+    for exponent, numbers in candidates:
+        scaled = numbers / dts**exponent
         if np.max(np.abs(scaled - scaled[0])) <= _ALIKE * np.abs(scaled[0]):
             return exponent
     return None
