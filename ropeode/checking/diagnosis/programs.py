@@ -46,8 +46,9 @@ _CHANGE, _MOST_CORRECTIONS = 1e-6, 10
 # Where a change is the same for all step sizes, or proportional to a power of them; and how closely
 # counts of steps are whole.
 _ALIKE = 1e-4
-# Positions that differ by at most so many times the rounding of lengths to single precision.
-_AS_SINGLE = 10.0
+# What rounds lengths to single precision leaves differences of one size, to such a factor.
+# Step sizes that are so many times apart tell rounding from the error of a method.
+_AS_SINGLE, _APART = 10.0, 4.0
 
 
 class Term(NamedTuple):
@@ -603,13 +604,19 @@ def _followed(
 
 
 def _in_single(method: Method, runs: Sequence[_Run]) -> list[Program]:
-    """A right program, if lengths in single precision explain what is left in each run."""
-    right, misfit = _terms([_RIGHT], np.full(1, math.nan)), 0.0
+    """A right program, if lengths in single precision explain what is left in each run.
+
+    Rounding is as large at all step sizes. How far another right method is from this one is not.
+    """
+    right, left, rounding = _terms([_RIGHT], np.full(1, math.nan)), [], []
     for run in runs:
         double = run.misfits(method, right, run.frames)
         single = run.misfits(method, right, run.frames, single=True) - double
-        misfit = max(misfit, float(np.max(np.abs(double))))
-        most = min(_AS_SINGLE * float(np.max(np.abs(single))), _LARGEST)
-        if not np.max(np.abs(double)) <= most:
-            return []
-    return [Program(method, (), {}, misfit, runs[0].frames, single=True)]
+        left.append(float(np.max(np.abs(double))))
+        rounding.append(float(np.max(np.abs(single))))
+    ratios = np.array(left) / np.array(rounding)
+    alike = max(left) <= min(_LARGEST, _AS_SINGLE * min(left))
+    explained = np.all((ratios <= _AS_SINGLE) & (ratios >= 1.0 / _AS_SINGLE))
+    if not alike or not explained or runs[0].dt < _APART * runs[-1].dt:
+        return []
+    return [Program(method, (), {}, max(left), runs[0].frames, single=True)]
