@@ -170,6 +170,13 @@ def test_rounded_steps_added_up_make_a_step_too_many(known, tmp_path):
     assert "at dt = 0.1 there is a step too many in frame 1" in report.diagnosis[0].line
 
 
+def test_a_node_that_never_moves_hides_no_other_mistake(known, tmp_path):
+    program = Program(known["resting"].problem, rested=(4,), gravity=2.0)
+    (diagnosis,) = grade(program.files(tmp_path), known["resting"], expected_order=2).diagnosis
+    assert diagnosis.cause == "fixed-node"
+    assert "not pinned; and gravity is 2 times what it should be" in diagnosis.line
+
+
 @pytest.mark.parametrize("change", [{}, {"method": "midpoint"}, {"method": "verlet"}])
 def test_a_right_program_is_called_by_its_method(known, tmp_path, change):
     """A claim that it does not keep is all that is wrong."""

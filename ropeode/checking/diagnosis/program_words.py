@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -28,7 +27,7 @@ class _Known(NamedTuple):
     Fields:
         terms: that it changes.
         power: of dt, to which its change is proportional.
-        values: that it may have.
+        value: that the terms then have; None for any.
         cause: as a `Diagnosis` has it.
         words: that say it; `{}` is the value.
         remedy: what to write instead.
@@ -36,57 +35,41 @@ class _Known(NamedTuple):
 
     terms: tuple[str, ...]
     power: float
-    values: Callable[[float], bool]
+    value: float | None
     cause: str
     words: str
     remedy: str
 
 
-def _any(value: float) -> bool:
-    return True
-
-
-def _less_than_1(value: float) -> bool:
-    return 0.0 < value < 1.0
-
-
-def _is_0(value: float) -> bool:
-    return value == 0.0
-
-
-def _minus_1(value: float) -> bool:
-    return value == -1.0
-
-
 _SCALE = "leave it out, or scale it with dt: v *= exp(-rate * dt), or a damping force"
-_ZERO = "set the forces on all nodes to zero before each step"
+_ZERO = TERMS["old_forces"].remedy
 # The first that fits is said; others are said by their term, value and power of dt.
 _MISTAKES = (
     *(
-        _Known((name,), 0.0, _less_than_1, "damping-per-step",
+        _Known((name,), 0.0, None, "damping-per-step",
                "each step keeps {} of the velocity, however long the step is, so that the runs "
                "have no limit as dt goes to 0", _SCALE)
         for name in KEPT
     ),
-    _Known(("kept", "all"), 0.0, _less_than_1, "damping-per-step",
+    _Known(("kept", "all"), 0.0, None, "damping-per-step",
            "each step multiplies the new velocity by {}, however long the step is, so that the "
            "runs have no limit as dt goes to 0", _SCALE),
-    _Known(("old_forces", "old_gravity"), 0.0, _any, "forces-add-up",
+    _Known(("old_forces", "old_gravity"), 0.0, None, "forces-add-up",
            "the forces are never set to zero: each step adds those of all steps before", _ZERO),
-    _Known(("old_forces",), 0.0, _any, "forces-add-up",
+    _Known(("old_forces",), 0.0, None, "forces-add-up",
            "the forces of springs are never set to zero: each step adds those of all steps before",
            _ZERO),
-    _Known(("first_ends",), 0.0, _is_0, "parameters",
+    _Known(("first_ends",), 0.0, 0.0, "parameters",
            "springs do not pull at the node before them", TERMS["first_ends"].remedy),
-    _Known(("second_ends",), 0.0, _is_0, "parameters",
+    _Known(("second_ends",), 0.0, 0.0, "parameters",
            "springs do not pull at the node behind them", TERMS["second_ends"].remedy),
-    _Known(("gravity",), 0.0, _minus_1, "parameters",
+    _Known(("gravity",), 0.0, -1.0, "parameters",
            "gravity has the wrong sign", TERMS["gravity"].remedy),
-    _Known(("damping",), 0.0, _is_0, "parameters",
+    _Known(("damping",), 0.0, 0.0, "parameters",
            "the damping is missing", TERMS["damping"].remedy),
-    _Known(("damping",), 0.0, _minus_1, "parameters",
+    _Known(("damping",), 0.0, -1.0, "parameters",
            "the damping has the wrong sign", TERMS["damping"].remedy),
-    _Known(("stiffness",), 0.0, _minus_1, "parameters",
+    _Known(("stiffness",), 0.0, -1.0, "parameters",
            "springs push where they should pull", TERMS["stiffness"].remedy),
 )  # fmt: skip
 
@@ -145,28 +128,42 @@ def _fixed(nodes: tuple[int, ...]) -> str:
 
 
 def _said(program: Program, mass: float) -> tuple[str, str, str]:
-    """The cause, the words for it, and the remedy."""
+    """The cause, the words for it, and the remedy; the first cause counts where there are more."""
+    mistakes = []
     if program.fixed:
-        return "fixed-node", _fixed(program.fixed), _PINS
+        mistakes.append(("fixed-node", _fixed(program.fixed), _PINS))
     if program.forgets_velocity:
-        words = "the initial velocity is forgotten: the first step begins with the last position"
-        return "start", f"{words} at the first one", "last = x - dt * v + dt * dt / 2 * a"
+        words = (
+            "the initial velocity is forgotten: the first step begins with the last position at "
+            "the first one"
+        )
+        mistakes.append(("start", words, "last = x - dt * v + dt * dt / 2 * a"))
     if program.extra:
         dt, frame = next(iter(program.extra.items()))
         words = (
             f"at dt = {dt:.4g} there is a step too many in frame {frame}: rounded steps are added "
             "up to a time that is still below the end of the frame"
         )
-        return "extra-step", words, "count the steps: for (i = 0; i < steps_per_frame; i++)"
+        remedy = "count the steps: for (i = 0; i < steps_per_frame; i++)"
+        mistakes.append(("extra-step", words, remedy))
     if program.single:
         words = "a part of the force, such as the length of a spring, is in single precision"
-        return "float32", words, "compute in double precision throughout"
+        mistakes.append(("float32", words, "compute in double precision throughout"))
+    if program.changed:
+        mistakes.append(_changed(program, mass))
+    causes, words, remedies = zip(*mistakes, strict=True)
+    return causes[0], "; and ".join(words), "; ".join(remedies)
+
+
+def _changed(program: Program, mass: float) -> tuple[str, str, str]:
+    """The same of the terms that are changed."""
     values, exponent = np.array([*program.found.values()]), power(program) or 0.0
     value = float(values[0])
     if exponent == 0.0:
         value = shortest(value, max(float(np.ptp(values)), 1e-7 * abs(value)))
     for known in _MISTAKES:
-        if (known.terms, known.power) == (program.changed, exponent) and known.values(value):
+        same = (known.terms, known.power) == (program.changed, exponent)
+        if same and known.value in (None, value):
             return known.cause, known.words.format(f"{value:g}"), known.remedy
     if program.changed[0] in KEPT and exponent == 1.0:
         dt = next(iter(program.found))

@@ -174,25 +174,25 @@ def _velocity_verlet(a: Acceleration, x: np.ndarray, v: np.ndarray, dt: float) -
     return x, v + 0.5 * dt * (first + a(x, v + dt * first))
 
 
-def _with_central_damping(
-    a: Acceleration, x: np.ndarray, v: np.ndarray, start: np.ndarray, weights: tuple[float, float]
+def _implicit_velocity(
+    a: Acceleration, x: np.ndarray, start: np.ndarray, weight: float
 ) -> np.ndarray:
-    """The velocity ``u = start + w0 a(x, v) + w1 a(x, u)``, found by iteration."""
-    first, new = start + weights[0] * a(x, v), v
+    """The velocity ``u = start + weight a(x, u)``, found by iteration."""
+    u = start
     for _ in range(_ITERATIONS):
-        new = first + weights[1] * a(x, new)
-    return new
+        u = start + weight * a(x, u)
+    return u
 
 
 def _verlet_central(a: Acceleration, x: np.ndarray, v: np.ndarray, dt: float) -> Any:
-    v = _with_central_damping(a, x, v, v, (0.5 * dt, 0.5 * dt))
+    v = _implicit_velocity(a, x, v + 0.5 * dt * a(x, v), 0.5 * dt)
     return x + dt * v, v
 
 
 def _velocity_verlet_central(a: Acceleration, x: np.ndarray, v: np.ndarray, dt: float) -> Any:
     v = v + 0.5 * dt * a(x, v)
     x = x + dt * v
-    return x, _with_central_damping(a, x, v, v, (0.0, 0.5 * dt))
+    return x, _implicit_velocity(a, x, v, 0.5 * dt)
 
 
 def _midpoint(a: Acceleration, x: np.ndarray, v: np.ndarray, dt: float) -> Any:
@@ -246,6 +246,7 @@ class Method(NamedTuple):
     restores: str = ""
 
 
+_RESTORED = "Verlet with links restored"
 METHODS = {
     "springs": (
         Method("semi-implicit Euler", _semi_implicit_euler),
@@ -264,11 +265,21 @@ METHODS = {
         Method("the midpoint method", _midpoint),
         Method("Heun's method", _heun),
     ),
-    "rigid links": tuple(
-        Method(f"Verlet with links restored {when} each step{words}", _semi_implicit_euler, *how)
-        for words, start in ((" that starts at rest", _at_rest), ("", _by_taylor))
-        for when in ("before", "after")
-        for how in ((start, when),)
+    "rigid links": (
+        Method(
+            f"{_RESTORED} before each step that starts at rest",
+            _semi_implicit_euler,
+            _at_rest,
+            "before",
+        ),
+        Method(
+            f"{_RESTORED} after each step that starts at rest",
+            _semi_implicit_euler,
+            _at_rest,
+            "after",
+        ),
+        Method(f"{_RESTORED} before each step", _semi_implicit_euler, _by_taylor, "before"),
+        Method(f"{_RESTORED} after each step", _semi_implicit_euler, _by_taylor, "after"),
     ),
 }
 
@@ -326,17 +337,17 @@ class _Run:
         self.same = max(_SAME, _OF_ROUNDING * rounding / self._motion)
 
     @property
-    def counts(self) -> np.ndarray:
-        """How many steps make each frame."""
-        return np.diff(self._ts) / self.dt
-
-    @property
     def usable(self) -> bool:
         """Whether whole steps end at the samples, not too many, and the numbers tell enough."""
-        whole = np.all(np.abs(self.counts - np.rint(self.counts)) < _ALIKE)
-        few = np.sum(self.counts) <= _MOST_STEPS
+        counts = self.by_number()
+        whole = np.all(np.abs(np.diff(self._ts) / self.dt - counts) < _ALIKE)
+        few = np.sum(counts) <= _MOST_STEPS
         precise = self.same <= _LARGEST
         return bool(whole and few and precise and math.isfinite(self._motion))
+
+    def by_number(self) -> np.ndarray:
+        """How many steps make each frame, where they are counted."""
+        return np.rint(np.diff(self._ts) / self.dt).astype(int)
 
     def added_up(self) -> np.ndarray:
         """How many steps make each frame while ``t < end``, where rounded steps are added to t."""
@@ -351,15 +362,19 @@ class _Run:
         self,
         method: Method,
         terms: dict[str, np.ndarray],
-        frames: int,
-        counts: np.ndarray | None = None,
+        counts: np.ndarray,
         *,
         single: bool = False,
         shaken: float = 0.0,
     ) -> np.ndarray:
         """Differences from the positions, as parts of the motion, ``(copies, numbers)``.
 
-        With `shaken` the initial positions are off by that part of their size.
+        Arguments:
+            method: of the program.
+            terms: of each copy.
+            counts: how many steps make each frame that is computed.
+            single: whether lengths are rounded to single precision.
+            shaken: by which part of their size the initial positions are off.
         """
         args, dt = self._problem.args, self.dt
         x, v = (np.repeat(each[None], len(terms["kept"]), axis=0) for each in self._problem.y0)
@@ -368,7 +383,7 @@ class _Run:
         kept = (terms["kept"] * terms["kept_first"])[:, None, None]
         kept_last = terms["kept_last"][:, None, None]
         forces, last, samples = Forces(args, terms, single=single), x - dt * v, []
-        for count in np.rint(self.counts if counts is None else counts).astype(int)[:frames]:
+        for count in counts:
             for _ in range(count):
                 if method.restores == "before":
                     x = _restored(x, args)
@@ -380,7 +395,7 @@ class _Run:
                 if method.restores == "after":
                     x = _restored(x, args)
             samples.append(x)
-        apart = (np.stack(samples, axis=1) - self.positions[1 : frames + 1]) / self._motion
+        apart = (np.stack(samples, axis=1) - self.positions[1 : len(samples) + 1]) / self._motion
         return np.nan_to_num(apart.reshape(len(x), -1), nan=np.inf)
 
     def fitted(self, method: Method, guesses: Sequence[_Guess], counts: np.ndarray) -> list[_Guess]:
@@ -388,8 +403,8 @@ class _Run:
         values = np.array([guess.value for guess in guesses])
         for _ in range(_MOST_CORRECTIONS if any(guess.changed for guess in guesses) else 0):
             step = _CHANGE * np.maximum(np.abs(values), 1.0)
-            here = self.misfits(method, _terms(guesses, values), 1, counts)
-            there = self.misfits(method, _terms(guesses, values + step), 1, counts)
+            here = self.misfits(method, _terms(guesses, values), counts[:1])
+            there = self.misfits(method, _terms(guesses, values + step), counts[:1])
             slope = (there - here) / step[:, None]
             correction = -np.sum(here * slope, axis=1) / np.sum(slope * slope, axis=1)
             values = values + correction
@@ -403,10 +418,10 @@ class _Run:
         """Guesses that compute all frames, each with its misfit."""
         every = [_RIGHT, *guesses]
         terms = _terms(every, np.array([guess.value for guess in every]))
-        apart = self.misfits(method, terms, self.frames, counts)
+        apart = self.misfits(method, terms, counts)
         largest = np.max(np.abs(apart), axis=1)
         # A program that is unstable makes much of the last bit, in which two right ones may differ.
-        shaken = self.misfits(method, terms, self.frames, counts, shaken=_LAST_BITS)
+        shaken = self.misfits(method, terms, counts, shaken=_LAST_BITS)
         by_rounding = np.max(np.abs(shaken - apart), axis=1)
         allowed = np.maximum(self.same, np.minimum(by_rounding, _LARGEST))
         allowed[1:] = [
@@ -462,7 +477,10 @@ def programs_of(problem: Problem, runs: Runs, truth: np.ndarray) -> tuple[Progra
         Programs of one method, with the same number of changes, between which the runs cannot
         decide; none if no method of `METHODS`, with at most one change, computes them.
     """
-    if not {*getattr(problem.args, "_fields", ())} >= _RIGID or np.ndim(problem.args.mass) != 1:
+    fields = {*getattr(problem.args, "_fields", ())}
+    if problem.mechanics is None or problem.y0.ndim != 3 or not fields >= _RIGID:
+        return ()
+    if np.shape(problem.args.mass) != problem.y0.shape[2:]:
         return ()
     kind = "springs" if is_rope(problem) else "rigid links"
     fixed = fixed_nodes(problem, runs, truth)
@@ -474,7 +492,7 @@ def programs_of(problem: Problem, runs: Runs, truth: np.ndarray) -> tuple[Progra
         )
     known = [_Run(problem, dt, states) for dt, states in runs]
     known = sorted((run for run in known if run.usable), key=lambda run: -run.dt)
-    in_all = np.cumsum([np.sum(run.counts) for run in known])
+    in_all = np.cumsum([np.sum(run.by_number()) for run in known])
     known = known[: max(int(np.sum(in_all <= _MOST_IN_ALL)), _FEWEST_RUNS)]
     if len(known) < _FEWEST_RUNS:
         return ()
@@ -483,9 +501,9 @@ def programs_of(problem: Problem, runs: Runs, truth: np.ndarray) -> tuple[Progra
         if kind == "springs" or not {*terms} & _OF_SPRINGS:
             changed += [_Guess(terms, start) for start in TERMS[terms[0]].starts]
     searches: Sequence[Callable[[Method], list[Program]]] = (
-        lambda method: _programs(method, right, known, _by_number),
+        lambda method: _programs(method, right, known, _Run.by_number),
         lambda method: _programs(method, right, known, _Run.added_up),
-        lambda method: _programs(method, changed, known, _by_number),
+        lambda method: _programs(method, changed, known, _Run.by_number),
         lambda method: _in_single(method, known),
     )
     with np.errstate(all="ignore"):  # Programs that blow up.
@@ -563,11 +581,11 @@ def _programs(
     """
     counts = [clock(run) for run in runs]
     extra = {
-        run.dt: int(np.argmax(each != _by_number(run))) + 1
+        run.dt: int(np.argmax(each != run.by_number())) + 1
         for run, each in zip(runs, counts, strict=True)
-        if np.any(each != _by_number(run))
+        if np.any(each != run.by_number())
     }
-    if clock is not _by_number and not extra:
+    if clock is not _Run.by_number and not extra:
         return []
     first = runs[0].agreeing(method, runs[0].fitted(method, guesses, counts[0]), counts[0])
     found = []
@@ -577,10 +595,6 @@ def _programs(
         if values is not None:
             found.append(Program(method, changed, values, misfit, runs[0].frames, extra=extra))
     return found
-
-
-def _by_number(run: _Run) -> np.ndarray:
-    return np.rint(run.counts).astype(int)
 
 
 def _followed(
@@ -610,8 +624,8 @@ def _in_single(method: Method, runs: Sequence[_Run]) -> list[Program]:
     """
     right, left, rounding = _terms([_RIGHT], np.full(1, math.nan)), [], []
     for run in runs:
-        double = run.misfits(method, right, run.frames)
-        single = run.misfits(method, right, run.frames, single=True) - double
+        double = run.misfits(method, right, run.by_number())
+        single = run.misfits(method, right, run.by_number(), single=True) - double
         left.append(float(np.max(np.abs(double))))
         rounding.append(float(np.max(np.abs(single))))
     ratios = np.array(left) / np.array(rounding)
