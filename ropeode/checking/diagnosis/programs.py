@@ -46,8 +46,8 @@ _CHANGE, _MOST_CORRECTIONS = 1e-6, 10
 # Where a change is the same for all step sizes, or proportional to a power of them; and how closely
 # counts of steps are whole.
 _ALIKE = 1e-4
-# What rounds lengths to single precision leaves differences of one size, to such a factor.
-# Step sizes that are so many times apart tell rounding from the error of a method.
+# What rounds lengths to single precision leaves differences of the same size as another rounding
+# of them, to such a factor. Step sizes so many times apart tell rounding from a method's error.
 _AS_SINGLE, _APART = 10.0, 4.0
 
 
@@ -629,8 +629,9 @@ def _in_single(method: Method, runs: Sequence[_Run]) -> list[Program]:
         left.append(float(np.max(np.abs(double))))
         rounding.append(float(np.max(np.abs(single))))
     ratios = np.array(left) / np.array(rounding)
-    alike = max(left) <= min(_LARGEST, _AS_SINGLE * min(left))
     explained = np.all((ratios <= _AS_SINGLE) & (ratios >= 1.0 / _AS_SINGLE))
-    if not alike or not explained or runs[0].dt < _APART * runs[-1].dt:
+    # The error of a method of order 1 falls to a quarter.
+    stays = left[-1] >= left[0] / 2.0 and runs[0].dt >= _APART * runs[-1].dt
+    if not explained or not stays or max(left) > _LARGEST:
         return []
     return [Program(method, (), {}, max(left), runs[0].frames, single=True)]
