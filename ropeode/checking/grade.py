@@ -327,7 +327,7 @@ def _with_what_is_right(diagnosis: Diagnosis, order: Finding) -> Diagnosis:
 
 def _solved(reference: Reference, runs: Sequence[Run]) -> tuple[Diagnosis, ...]:
     """What the runs solve instead of the problem."""
-    # Not above: it imports diffrax, which right programs do not need.
+    # Not above: right programs do not need it.
     from ropeode.checking.diagnosis.trajectories import diagnose_trajectories
 
     problem, quantities = reference.problem, runs[0].quantities

@@ -1,9 +1,10 @@
 """Trajectories of other programs that solve another rope: which one is read off the files."""
 
+import numpy as np
 import pytest
 from trajectory_writing import write_runs
 
-from ropeode import Rope, grade, simulate
+from ropeode import Rope, grade, reference, simulate
 from ropeode.checking import diagnose_trajectories
 from ropeode.problems import PROBLEMS
 
@@ -69,6 +70,33 @@ def test_damping_per_step(tmp_path, known):
 def test_another_mass_at_each_node_is_no_number(tmp_path, known):
     made = files_of(tmp_path, "stormer-verlet", {"node_mass": [1.0, 2.0, 0.5, 3.0]})
     assert [each.cause for each in grade(made, known).diagnosis] == ["unknown"]
+
+
+@slow
+@pytest.mark.parametrize("seed", range(4))
+def test_numbers_are_right_to_their_spread(seed):
+    """Changes drawn at random, of one to three parameters, of a rope in space that moves."""
+    draw = np.random.default_rng(seed)
+    velocity = draw.normal(size=(5, 3))
+    velocity[1] = 0.0
+    problem = Rope(
+        num_nodes=5, start=(0.0, 0.0, 0.0), end=(3.0, 1.0, 0.5), node_mass=1.3, stiffness=3.7,
+        damping=0.45, gravity=(0.3, -0.8, 0.2), pinned=(1,), initial_velocity=velocity,
+    ).problem(3).changed(parameters={})  # fmt: skip
+    free = ["damping", "stiffness", "rest_length", "gravity"]
+    names = draw.choice(free, draw.integers(1, 4), replace=False)
+    changed = {name: draw.uniform(0.5, 1.6) * getattr(problem.args, name) for name in names}
+    other = problem.changed(args=problem.args._replace(**changed))
+    runs = [(1 / n, simulate(other, "rk4", n).states) for n in (24, 36, 48, 72, 96)]
+    (found,) = diagnose_trajectories(problem, reference(problem), runs, problem.quantities)
+    # Damping and stiffness together have the same effect as a mass and one of them.
+    each = [found.evidence["parameters"], *found.evidence["alternatives"]]
+    (numbers,) = (numbers for numbers in each if {*numbers} == {*names})
+    for name, number in numbers.items():
+        found = np.ravel(number["found"])
+        off = np.abs(found - np.ravel(changed[name])[: len(found)])
+        assert np.all(off <= number["spread"])
+        assert np.all(np.asarray(number["spread"]) < 1e-3)
 
 
 def test_what_has_no_wrong_numbers(known):

@@ -82,6 +82,14 @@ class Program:
                         v = np.exp(-args.damping * dt / args.mass)[:, None] * v
                     v = self.kept * v + dt * self.acceleration(x, v, dt)
                     x = x + dt * v
+                elif self.method == "kutta3":
+                    first = self.acceleration(x, v, dt)
+                    half = v + dt / 2 * first
+                    second = self.acceleration(x + dt / 2 * v, half, dt)
+                    end = v + dt * (2 * second - first)
+                    third = self.acceleration(x + dt * (2 * half - v), end, dt)
+                    x = x + dt / 6 * (v + 4 * half + end)
+                    v = v + dt / 6 * (first + 4 * second + third)
                 elif self.method == "midpoint":
                     half = v + dt / 2 * self.acceleration(x, v, dt)
                     x, v = x + dt * half, v + dt * self.acceleration(x + dt / 2 * v, half, dt)
@@ -216,3 +224,25 @@ def test_few_digits_are_no_mistake(known, tmp_path, digits):
     report = grade(program.files(tmp_path, digits=digits), known["moving"], expected_order=2)
     assert "single precision" not in finding(report).line
     assert not report.diagnosis
+
+
+OTHER_TERMS = {
+    "gravity (0, -2) instead of (0, -1) and a damping along each spring, of coefficient 0.3": {
+        "gravity": 2.0,
+        "dashpot": 0.3,
+    },
+    "a damping along each spring, of coefficient -0.01": {"dashpot": -0.01},
+    "a damping of each spring's two nodes, of coefficient 0.05": {"drag_per_spring": 0.05},
+    "no pull of springs on the node behind them": {"one_sided": True},
+    "1.001 times the mass": {"forces": 0.999},
+}
+
+
+@pytest.mark.parametrize("words", OTHER_TERMS)
+def test_terms_of_a_method_that_is_not_known_are_named(known, tmp_path, words):
+    """Its runs tend to a limit, to which the terms are fitted."""
+    program = Program(known["moving"].problem, method="kutta3", **OTHER_TERMS[words])
+    files = program.files(tmp_path, (32, 48, 64, 96))
+    (diagnosis,) = grade(files, known["moving"], expected_order=3).diagnosis
+    assert diagnosis.cause == "parameters"
+    assert words in diagnosis.line

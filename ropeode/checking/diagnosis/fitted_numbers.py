@@ -1,15 +1,14 @@
-"""Fitted parameters: as simple as their uncertainty allows, and in words."""
+"""Fitted terms as numbers of the rope: as simple as their uncertainty allows, and in words."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ropeode.checking.diagnosis.parameter_fit import Fit
-from ropeode.checking.diagnosis.parameters import dimension, places, units
+from ropeode.checking.diagnosis.fitted_terms import Fit, Group
+from ropeode.checking.diagnosis.rope_forces import TERMS
 from ropeode.checking.simple_numbers import shortest
 from ropeode.problems import Problem
 from ropeode.theory import TermPlace
@@ -28,22 +27,27 @@ _KINDS = {"stiffness": "spring", "rest_length": "rest"}
 
 @dataclasses.dataclass(frozen=True)
 class Number:
-    """A parameter of a rope, as claimed and as fitted.
+    """A number of a rope, as claimed and as fitted.
 
     Arguments:
-        name: of the parameter.
-        claimed: one number, or one for each component; 1 for a factor.
+        group: the terms that it stands for.
+        claimed: one number, or one for each component; 1 for a factor, 0 for what is not there.
         fitted: likewise.
         spread: how far the fitted number may be off.
         factor: whether it multiplies the claimed values, because they differ among nodes or
             springs (or are the many components of initial velocities).
     """
 
-    name: str
+    group: Group
     claimed: np.ndarray
     fitted: np.ndarray
     spread: np.ndarray
     factor: bool
+
+    @property
+    def name(self) -> str:
+        """The name of its group."""
+        return self.group.name
 
     @property
     def is_precise(self) -> bool:
@@ -52,19 +56,46 @@ class Number:
         return bool(np.all(self.spread <= _LARGEST_SPREAD * size))
 
     @property
-    def what(self) -> str:
-        """The parameter in words."""
-        return _WORDS.get(self.name, self.name)
+    def is_parameter(self) -> bool:
+        """Whether it is a number of the problem, and not one of a term that a program may have."""
+        return self.name in _WORDS or self.name in MISTAKES or self.name in _KINDS
 
     @property
     def words(self) -> str:
         """As part of a sentence."""
+        shown = _shown(self.fitted)
+        about = "" if self.is_precise else f" (± {np.max(self.spread):.1g})"
+        if not self.is_parameter:
+            what = TERMS[self.group.terms[0]].name
+            if not self.factor:
+                return f"{what}, of coefficient {shown}{about}"
+            if np.all(self.fitted == 0.0):
+                return f"no {what.removeprefix('the ')}"
+            return f"{shown}{about} times {what}"
+        what = _WORDS.get(self.name, self.name)
         if not self.factor:
-            about = "" if self.is_precise else f" (± {np.max(self.spread):.1g})"
-            return f"{self.what} {_shown(self.fitted)}{about} instead of {_shown(self.claimed)}"
+            return f"{what} {shown}{about} instead of {_shown(self.claimed)}"
         if np.all(self.fitted == 0.0):
-            return f"{self.what} 0 instead of the problem's"
-        return f"{_shown(self.fitted)} times the {self.what}"
+            return f"{what} 0 instead of the problem's"
+        return f"{shown} times the {what}"
+
+    @property
+    def digits(self) -> int:
+        """How many digits it takes to say it."""
+        return sum(
+            len(f"{abs(value):.{_DIGITS_SHOWN - 1}e}".split("e")[0].rstrip("0."))
+            for value in self.fitted
+        )
+
+    def values(self) -> dict[str, float]:
+        """The terms that it stands for."""
+        if TERMS[self.group.terms[0]].expected == 0.0:
+            values = self.fitted - self.claimed
+        elif self.name == "mass":
+            values = self.claimed / self.fitted
+        else:
+            values = self.fitted / self.claimed
+        return dict(zip(self.group.terms, values.tolist(), strict=True))
 
     def as_json(self) -> dict[str, Any]:
         """As plain JSON values."""
@@ -88,35 +119,30 @@ def _shown(values: np.ndarray) -> str:
 
 
 def numbers_of(problem: Problem, fit: Fit) -> tuple[Number, ...]:
-    """The parameters that a fit changed."""
-    return tuple(_number(problem, fit, name) for name in fit.names)
+    """The numbers that a fit changed."""
+    values, spread = fit.values(), iter(fit.spread)
+    return tuple(
+        _number(
+            problem,
+            group,
+            np.array([values[name] for name in group.terms]),
+            group.unit * np.array([next(spread) for _ in group.terms]),
+        )
+        for group in fit.groups
+    )
 
 
-def _number(problem: Problem, fit: Fit, name: str) -> Number:
-    place = places(dimension(problem))[name]
-    change, spread = fit.changes[place], fit.spread[place]
-    if name == "gravity":
-        unit = float(units(problem).gravity)
-        claimed = np.ravel(problem.args.gravity)
-        return Number(name, claimed, claimed + unit * change, unit * spread, False)
-    if name == "velocity":
-        if np.any(problem.y0[1]):
-            return Number(name, np.ones(1), 1.0 + change[:1], spread[:1], True)
-        unit = np.max(np.abs(units(problem).velocity))
-        return Number(name, np.zeros(len(change)), unit * change, unit * spread, False)
-    claimed = np.ravel(getattr(problem.args, name))
-    uniform = bool(np.all(claimed == claimed[0]))
-    if name == "damping":
-        unit = np.ravel(units(problem).damping)[:1]
-        if uniform:
-            return Number(name, claimed[:1], claimed[:1] + unit * change, unit * spread, False)
-        ratio = float(np.max(units(problem).damping) / np.max(claimed))
-        return Number(name, np.ones(1), 1.0 + ratio * change, ratio * spread, True)
-    factor = 1.0 + change
-    if name == "mass":
-        factor, spread = 1.0 / factor, spread / factor**2
-    own = claimed[:1] if uniform else np.ones(1)
-    return Number(name, own, own * factor, own * spread, not uniform)
+def _number(problem: Problem, group: Group, values: np.ndarray, spread: np.ndarray) -> Number:
+    own = np.ravel(getattr(problem.args, group.name, np.zeros(0)))
+    if group.name == "gravity":
+        return Number(group, own, own + values, spread, False)
+    if TERMS[group.terms[0]].expected == 0.0:
+        return Number(group, np.zeros(len(values)), values, spread, False)
+    if group.name == "mass":
+        values, spread = 1.0 / values, spread / values**2
+    uniform = len(own) > 0 and bool(np.all(own == own[0]))
+    own = own[:1] if uniform else np.ones(1)
+    return Number(group, own, own * values, own * spread, not uniform)
 
 
 def simplified(problem: Problem, number: Number) -> Number:
@@ -157,6 +183,8 @@ def named_mistakes(problem: Problem, number: Number) -> list[NamedMistake]:
     if not number.is_precise or not np.any(off):
         return []
     kind = _KINDS.get(number.name, number.name)
+    if kind not in MISTAKES:
+        return []
     found = []
     for mistake in (*MISTAKES[kind], *NUMBERS):
         factors = [mistake.factor(place) for place in _places(problem, kind)]
@@ -189,29 +217,3 @@ def _places(problem: Problem, kind: str) -> list[TermPlace]:
         for spring in (node - 1, node)
         if 0 <= spring <= last
     ]
-
-
-def with_fitted(problem: Problem, numbers: Sequence[Number]) -> Problem:
-    """A rope with the fitted numbers."""
-    y0, args = problem.y0, {}
-    for number in numbers:
-        if number.name == "velocity":
-            y0 = _with_velocity(problem, number)
-            continue
-        own = np.asarray(getattr(problem.args, number.name))
-        if number.factor:
-            args[number.name] = own * number.fitted[0]
-        elif number.name == "gravity":
-            args[number.name] = number.fitted.reshape(own.shape)
-        else:
-            args[number.name] = np.full(own.shape, number.fitted[0])
-    args = problem.args._replace(**args)
-    return problem.with_numbers(y0, args, problem.parameters)
-
-
-def _with_velocity(problem: Problem, number: Number) -> np.ndarray:
-    x0, v0 = problem.y0
-    if number.factor:
-        return np.stack([x0, number.fitted[0] * v0])
-    unit = units(problem).velocity
-    return np.stack([x0, np.tensordot(number.fitted, unit / np.max(np.abs(unit)), 1)])

@@ -7,9 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ropeode.analysis import differences
 from ropeode.checking.richardson import Limit, limit_of
-from ropeode.norms import NORMS
 from ropeode.problems import Problem
 from ropeode.references import Reference
 
@@ -60,27 +58,20 @@ class ObservedLimit:
             if name == "position"
         )
 
-    def misfit(self, reference: Reference, spread: float = 0.0) -> float:
-        """The largest difference to a reference, in units of the uncertainty of both.
+    def misfit(self, states: np.ndarray, error: np.ndarray) -> float:
+        """The largest difference to a motion, in units of the uncertainty of both.
 
         Arguments:
-            reference: of any problem with the same sample times, and maybe more.
-            spread: uncertainty of the reference's own parameters, as a part of the motion.
+            states: ``(times, *state)`` of the motion.
+            error: of each number after the first sample; broadcast to ``(times - 1, *state)``.
 
         Returns:
-            At most 1 where the reference may be the limit; infinity where it is not trusted
-            for so long.
+            At most 1 where the motion may be the limit.
         """
-        if reference.trusted < len(self.states):
-            return np.inf
-        error = np.abs(differences(self.states, reference))
-        worst = 0.0
-        for name, size in self.motion.items():
-            part = np.s_[1:, self.problem.quantities.index(name)]
-            bound = float(reference.bound(NORMS[f"{name}-max"])[-1])
-            allowed = self.uncertainty[part] + bound + spread * size
-            worst = max(worst, float(np.max(error[part] / allowed)))
-        return worst
+        apart, uncertain = np.abs(self.states - states)[1:], self.uncertainty[1:] + error
+        return max(
+            float(np.max(self.problem.quantity(name, apart / uncertain))) for name in self.motion
+        )
 
 
 def observe_limit(

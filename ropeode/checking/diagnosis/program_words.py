@@ -9,12 +9,12 @@ import numpy as np
 from ropeode.checking.diagnosis.limits import Runs
 from ropeode.checking.diagnosis.programs import (
     KEPT,
-    TERMS,
     Program,
     fixed_nodes,
     power,
     programs_of,
 )
+from ropeode.checking.diagnosis.rope_forces import TERMS
 from ropeode.checking.report import Diagnosis
 from ropeode.checking.simple_numbers import shortest
 from ropeode.problems import Problem

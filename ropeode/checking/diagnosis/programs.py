@@ -15,10 +15,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ropeode.checking.diagnosis.limits import Runs
+from ropeode.checking.diagnosis.rope_forces import (
+    TERMS,
+    Forces,
+    Terms,
+    has_rope_forces,
+    initial_states,
+    right_terms,
+)
 from ropeode.checking.written_precision import last_digit
 from ropeode.problems import Problem
 from ropeode.theory import is_rope
-from ropeode.theory.known_mistakes import RIGHT
 
 # Acceleration of positions and velocities, all ``(copies, dim, nodes)``.
 Acceleration = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -50,102 +57,28 @@ _ALIKE = 1e-4
 # of them, to such a factor. Step sizes so many times apart tell rounding from a method's error.
 _AS_SINGLE, _APART = 10.0, 4.0
 
-
-class Term(NamedTuple):
-    """A number in a program that may be wrong.
-
-    Fields:
-        name: as the words of a diagnosis have it.
-        expected: its right value.
-        starts: from which a wrong one is looked for.
-        remedy: how the line of the program should be.
-    """
-
-    name: str
-    expected: float
-    starts: tuple[float, ...]
-    remedy: str
-
-
-_ZERO = "set the forces on all nodes to zero before each step"
-_NO_FACTOR = "multiply no velocity; a damping is a force"
-_ENDS = "f[i] += pull; f[i + 1] -= pull"
-TERMS = {
-    "gravity": Term("gravity", 1.0, (1.0,), RIGHT["gravity"]),
-    "stiffness": Term("the stiffness of springs", 1.0, (1.0, -1.0, 0.5, 2.0), RIGHT["spring"]),
-    "rest": Term("the rest length of springs", 1.0, (1.0, 0.0), RIGHT["spring"]),
-    "first_ends": Term("the pull of springs on the node before them", 1.0, (1.0, 0.0), _ENDS),
-    "second_ends": Term("the pull of springs on the node behind them", 1.0, (1.0, 0.0), _ENDS),
-    "damping": Term("the damping", 1.0, (1.0, 0.0), RIGHT["damping"]),
-    "further": Term("a further damping of nodes", 0.0, (0.0,), RIGHT["damping"]),
-    "dashpot": Term("a damping along each spring", 0.0, (0.0,), RIGHT["spring"]),
-    "per_spring": Term("a damping of each spring's two nodes", 0.0, (0.0,), RIGHT["damping"]),
-    "forces": Term("the sum of all forces but gravity", 1.0, (1.0, -1.0, 0.5, 2.0), RIGHT["mass"]),
-    "all": Term("the acceleration", 1.0, (1.0, -1.0, 0.5, 2.0), RIGHT["mass"]),
-    # A velocity is multiplied after the forces have seen it, before they do, or at the end.
-    "kept": Term("the velocity kept by a step", 1.0, (1.0, 0.99), _NO_FACTOR),
-    "kept_first": Term("the velocity kept by a step", 1.0, (1.0, 0.99), _NO_FACTOR),
-    "kept_last": Term("the velocity kept by a step", 1.0, (1.0, 0.99), _NO_FACTOR),
-    "old_forces": Term("the forces kept from the step before", 0.0, (0.0, 1.0), _ZERO),
-    "old_gravity": Term("the gravity kept from the step before", 0.0, (0.0, 1.0), _ZERO),
-}
 KEPT = ("kept", "kept_first", "kept_last")
-# The numbers of a rope without springs, and the terms that it does not have.
-_RIGID = {"mass", "rest_length", "free", "gravity", "damping"}
+# The terms that a rope without springs does not have.
 _OF_SPRINGS = {"stiffness", "rest", "first_ends", "second_ends", "dashpot", "forces"}
 # The terms that one mistake changes alike.
 CHANGES: tuple[tuple[str, ...], ...] = (
-    *((name,) for name in TERMS if name != "old_gravity"),
+    ("gravity",),
+    ("stiffness",),
+    ("rest",),
+    ("first_ends",),
+    ("second_ends",),
+    ("damping",),
+    ("further",),
+    ("dashpot",),
+    ("per_spring",),
+    ("forces",),
+    ("all",),
+    *((name,) for name in KEPT),
+    ("old_forces",),
     ("old_forces", "old_gravity"),
     # A velocity that is multiplied after the forces have changed it.
     ("kept", "all"),
 )
-
-
-class Forces:
-    """A rope's forces in several copies of a program, each with terms of its own.
-
-    Arguments:
-        args: the rope's numbers.
-        terms: by name, ``(copies,)`` each.
-        single: whether the lengths of springs are rounded to single precision.
-    """
-
-    def __init__(self, args: Any, terms: dict[str, np.ndarray], *, single: bool = False):
-        self._args, self._single = args, single
-        self._of = {name: value[:, None, None] for name, value in terms.items()}
-        self._old_force: np.ndarray | float = 0.0
-        self._old_gravity: np.ndarray | float = 0.0
-        self._springs_at = np.ones(len(args.mass))
-        self._springs_at[1:-1] = 2.0
-
-    def __call__(self, x: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """The acceleration, of which a program may keep a part for its next step."""
-        of, args = self._of, self._args
-        v = v / of["kept"]
-        force = -(of["damping"] * args.damping + of["further"]) * v
-        force = force - of["per_spring"] * self._springs_at * v
-        if hasattr(args, "stiffness"):
-            pull = self._pull(x, v)
-            force[:, :, :-1] += of["first_ends"] * pull
-            force[:, :, 1:] -= of["second_ends"] * pull
-        force = of["forces"] * force + of["old_forces"] * self._old_force
-        gravity = of["gravity"] * np.reshape(args.gravity, (-1, 1))
-        gravity = gravity + of["old_gravity"] * self._old_gravity
-        self._old_force, self._old_gravity = force, gravity
-        return of["all"] * args.free * (force / args.mass + gravity)
-
-    def _pull(self, x: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """The force of each spring on the node before it."""
-        of, args = self._of, self._args
-        d = np.diff(x, axis=2)
-        length = np.sqrt(np.sum(d * d, axis=1, keepdims=True))
-        if self._single:
-            length = length.astype(np.float32).astype(np.float64)
-        along = d / length
-        apart = np.sum(np.diff(v, axis=2) * along, axis=1, keepdims=True)
-        tension = of["stiffness"] * args.stiffness * (length - of["rest"] * args.rest_length)
-        return (tension + of["dashpot"] * apart) * along
 
 
 def _explicit_euler(a: Acceleration, x: np.ndarray, v: np.ndarray, dt: float) -> Any:
@@ -180,7 +113,9 @@ def _implicit_velocity(
     """The velocity ``u = start + weight a(x, u)``, found by iteration."""
     u = start
     for _ in range(_ITERATIONS):
-        u = start + weight * a(x, u)
+        last, u = u, start + weight * a(x, u)
+        if np.array_equal(u, last):
+            break
     return u
 
 
@@ -361,7 +296,7 @@ class _Run:
     def misfits(
         self,
         method: Method,
-        terms: dict[str, np.ndarray],
+        terms: Terms,
         counts: np.ndarray,
         *,
         single: bool = False,
@@ -377,7 +312,7 @@ class _Run:
             shaken: by which part of their size the initial positions are off.
         """
         args, dt = self._problem.args, self.dt
-        x, v = (np.repeat(each[None], len(terms["kept"]), axis=0) for each in self._problem.y0)
+        x, v = initial_states(self._problem, terms)
         x = x * (1.0 + shaken)
         v = method.start(Forces(args, terms), x, v, dt)
         kept = (terms["kept"] * terms["kept_first"])[:, None, None]
@@ -442,9 +377,9 @@ class _Guess(NamedTuple):
 _RIGHT = _Guess((), math.nan)
 
 
-def _terms(guesses: Sequence[_Guess], values: np.ndarray) -> dict[str, np.ndarray]:
+def _terms(guesses: Sequence[_Guess], values: np.ndarray) -> Terms:
     """The terms of a copy of a program for each guess, with its value."""
-    terms = {name: np.full(len(guesses), term.expected) for name, term in TERMS.items()}
+    terms = right_terms(len(guesses))
     for copy, guess in enumerate(guesses):
         for name in guess.changed:
             terms[name][copy] = values[copy]
@@ -477,10 +412,7 @@ def programs_of(problem: Problem, runs: Runs, truth: np.ndarray) -> tuple[Progra
         Programs of one method, with the same number of changes, between which the runs cannot
         decide; none if no method of `METHODS`, with at most one change, computes them.
     """
-    fields = {*getattr(problem.args, "_fields", ())}
-    if problem.mechanics is None or problem.y0.ndim != 3 or not fields >= _RIGID:
-        return ()
-    if np.shape(problem.args.mass) != problem.y0.shape[2:]:
+    if not has_rope_forces(problem):
         return ()
     kind = "springs" if is_rope(problem) else "rigid links"
     fixed = fixed_nodes(problem, runs, truth)
@@ -622,16 +554,16 @@ def _in_single(method: Method, runs: Sequence[_Run]) -> list[Program]:
 
     Rounding is as large at all step sizes. How far another right method is from this one is not.
     """
-    right, left, rounding = _terms([_RIGHT], np.full(1, math.nan)), [], []
+    right, left = _terms([_RIGHT], np.full(1, math.nan)), []
     for run in runs:
         double = run.misfits(method, right, run.by_number())
         single = run.misfits(method, right, run.by_number(), single=True) - double
         left.append(float(np.max(np.abs(double))))
-        rounding.append(float(np.max(np.abs(single))))
-    ratios = np.array(left) / np.array(rounding)
-    explained = np.all((ratios <= _AS_SINGLE) & (ratios >= 1.0 / _AS_SINGLE))
+        ratio = left[-1] / float(np.max(np.abs(single)))
+        if not 1.0 / _AS_SINGLE <= ratio <= _AS_SINGLE:
+            return []
     # The error of a method of order 1 falls to a quarter.
     stays = left[-1] >= left[0] / 2.0 and runs[0].dt >= _APART * runs[-1].dt
-    if not explained or not stays or max(left) > _LARGEST:
+    if not stays or max(left) > _LARGEST:
         return []
     return [Program(method, (), {}, max(left), runs[0].frames, single=True)]

@@ -1,0 +1,320 @@
+"""The terms of a rope's forces that make it move like the limit of a program's runs."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.integrate import DOP853
+
+from ropeode.checking.diagnosis.limits import ObservedLimit
+from ropeode.checking.diagnosis.rope_forces import (
+    AXES,
+    TERMS,
+    Forces,
+    Terms,
+    initial_states,
+    right_terms,
+)
+from ropeode.problems import Problem
+
+# The relative error of solutions, and the most steps in each frame.
+FINEST, _COARSEST, _MOST_STEPS = 1e-11, 1e-7, 512
+# How precisely a fit is solved, as a part of the limit's uncertainty.
+_PRECISION = 1e-2
+# By how much a term is changed for its derivative.
+_DIFFERENCE = 1e-6
+# How strongly the first step of a fit is damped. If a step comes closer by this part of what the
+# slopes promise, that is divided by a number; if it comes no closer, it is multiplied by another.
+# And the most steps.
+_FIRST_DAMPING, _SMALLER, _AS_PROMISED, _LARGER, _MOST_ITERATIONS = 1e-2, 10.0, 0.7, 4.0, 30
+# A step this small beside the changes ends a fit.
+_SMALL_STEP = 1e-9
+# The smallest factor of all forces that a positive mass explains.
+_SMALLEST = 0.01
+# The most groups of terms that are changed together; that of all forces and gravity is changed
+# alone.
+_MOST_GROUPS = 3
+# All samples are taken for sets that leave so few units of uncertainty of the first samples, or so
+# small a part of what the right rope leaves; and for so many at most.
+_NEARLY, _LEFT, _MOST_NEAR = 10.0, 1e-3, 24
+
+
+class Group(NamedTuple):
+    """Terms that one mistake changes together.
+
+    Fields:
+        name: of the group.
+        terms: of `TERMS`.
+        unit: what a change by 1 adds to each; chosen so that all changes are of similar size.
+    """
+
+    name: str
+    terms: tuple[str, ...]
+    unit: float
+
+
+def groups_of(problem: Problem) -> list[Group]:
+    """The terms of a rope with springs that can be told from each other."""
+    args, (_, v0) = problem.args, problem.y0
+    axes = AXES[: len(v0)]
+    span = float(problem.ts[-1] - problem.ts[0])
+    length = float(np.mean(args.rest_length)) or problem.scale
+    rate = float(np.mean(args.mass)) / span
+    damping = np.asarray(args.damping)
+    groups = [
+        Group(
+            "gravity",
+            tuple(f"gravity_{axis}" for axis in axes),
+            float(np.linalg.norm(args.gravity)) or length / span**2,
+        ),
+        Group("velocity", ("velocity",), 1.0)
+        if np.any(v0)
+        else Group("velocity", tuple(f"velocity_{axis}" for axis in axes), length / span),
+        Group("stiffness", ("stiffness",), 1.0),
+        Group("rest_length", ("rest",), 1.0),
+        Group("mass", ("forces",), 1.0),
+        Group("dashpot", ("dashpot",), rate),
+        Group("per_spring", ("per_spring",), rate),
+        *(Group(name, (name,), 1.0) for name in ("first_ends", "second_ends", "all")),
+    ]
+    if np.any(damping):
+        unit = max(rate / float(np.mean(np.abs(damping))), 1.0)
+        groups.append(Group("damping", ("damping",), unit))
+    else:
+        groups.append(Group("damping", ("further",), rate))
+    if np.ptp(damping):
+        groups.append(Group("further", ("further",), rate))
+    return groups
+
+
+def exact_motion(problem: Problem, terms: Terms, samples: int, steps: int) -> np.ndarray:
+    """How ropes with such terms move, by the method of order 8 of DOP853 with equal steps.
+
+    Arguments:
+        problem: a rope, with the sample times.
+        terms: of the copies of the rope.
+        samples: how many, beside the first.
+        steps: in each frame.
+
+    Returns:
+        ``(copies, samples, *state)``; not finite where a copy blows up.
+    """
+    forces = Forces(problem.args, terms)
+    y = np.stack(initial_states(problem, terms))
+    slopes, states = np.empty((len(DOP853.C), *y.shape)), []
+    with np.errstate(all="ignore"):
+        for length in np.diff(problem.ts[: samples + 1]):
+            h = length / steps
+            for _ in range(steps):
+                for stage, weights in enumerate(DOP853.A):
+                    x, v = y + h * np.tensordot(weights[:stage], slopes[:stage], 1)
+                    slopes[stage] = v, forces(x, v)
+                y = y + h * np.tensordot(DOP853.B, slopes, 1)
+            states.append(y)
+    return np.moveaxis(np.stack(states), 2, 0)
+
+
+def steps_for(problem: Problem, terms: Terms, tolerance: float) -> tuple[int, np.ndarray]:
+    """How many steps in each frame give the motion of one rope to a tolerance.
+
+    Returns:
+        The steps, and how far the states are from those of half as many,
+        ``(samples, *state)``.
+    """
+    samples, steps = len(problem.ts) - 1, 4
+    coarse = exact_motion(problem, terms, samples, steps)[0]
+    while True:
+        steps *= 2
+        fine = exact_motion(problem, terms, samples, steps)[0]
+        apart = np.abs(fine - coarse)
+        if np.max(apart[:, 0]) <= tolerance * problem.scale or steps >= _MOST_STEPS:
+            return steps, apart
+        coarse = fine
+
+
+class Fit(NamedTuple):
+    """A rope with some terms changed so that it comes close to an observed limit.
+
+    Fields:
+        groups: that could change.
+        changes: of the terms of all groups in turn, in the groups' units.
+        spread: how far each change may be from the true one, given the uncertainty of the limit.
+        misfit: the largest difference to the limit, in units of its uncertainty.
+    """
+
+    groups: tuple[Group, ...]
+    changes: np.ndarray
+    spread: np.ndarray
+    misfit: float
+
+    @property
+    def explains(self) -> bool:
+        """Whether the differences are within the uncertainty."""
+        return self.misfit <= 1.0
+
+    def values(self) -> dict[str, float]:
+        """The value of each term that could change."""
+        return dict(zip(_names(self.groups), _values(self.groups, self.changes), strict=True))
+
+
+def _names(groups: Sequence[Group]) -> list[str]:
+    return [name for group in groups for name in group.terms]
+
+
+def _values(groups: Sequence[Group], changes: np.ndarray) -> np.ndarray:
+    """The values of the terms of some groups, ``(..., terms)``, from their changes."""
+    expected = [TERMS[name].expected for name in _names(groups)]
+    units = [group.unit for group in groups for _ in group.terms]
+    return np.array(expected) + np.array(units) * changes
+
+
+def terms_with(values: dict[str, float]) -> dict[str, np.ndarray]:
+    """The terms of a rope of which some have these values."""
+    return right_terms(1) | {name: np.full(1, value) for name, value in values.items()}
+
+
+class _Trial:
+    """A fit that is under way, by the method of Levenberg and Marquardt.
+
+    Arguments:
+        groups: that change.
+        start: the changes with which it begins.
+    """
+
+    def __init__(self, groups: tuple[Group, ...], start: np.ndarray):
+        self.groups, self.tried, self.done = groups, start, False
+        self._damping, self._cost, self._expected = _FIRST_DAMPING, np.inf, 0.0
+
+    def take(self, apart: np.ndarray, slopes: np.ndarray) -> None:
+        """Choose the next changes from the differences of those tried, and their slopes."""
+        cost = float(np.sum(apart**2))
+        promised = self._cost - self._expected if self._cost < np.inf else 0.0
+        if not cost < self._cost:
+            self._damping *= _LARGER
+        else:
+            if self._cost - cost >= _AS_PROMISED * promised:
+                self._damping /= _SMALLER
+            self.changes, self.apart, self.slopes = self.tried, apart, slopes
+            self._cost = cost
+        if self._cost == np.inf:
+            self.done = True
+            return
+        scale = np.sqrt(self._damping) * np.linalg.norm(self.slopes, axis=0)
+        matrix = np.vstack([self.slopes, np.diag(scale)])
+        right = np.concatenate([-self.apart, np.zeros(len(scale))])
+        step = np.linalg.lstsq(matrix, right, rcond=None)[0]
+        self.tried = self.changes + step
+        self._expected = float(np.sum((self.apart + self.slopes @ step) ** 2))
+        self.done = bool(np.all(np.abs(step) <= _SMALL_STEP * (1.0 + np.abs(self.changes))))
+
+    @property
+    def fit(self) -> Fit | None:
+        """Where it stands; None if the rope blows up with which it began."""
+        if self._cost == np.inf:
+            return None
+        # The error of each change if every difference is off by 1, in the worst combination.
+        spread = np.sum(np.abs(np.linalg.pinv(self.slopes)), axis=1)
+        fit = Fit(self.groups, self.changes, spread, float(np.max(np.abs(self.apart))))
+        return fit if fit.values().get("forces", 1.0) >= _SMALLEST else None
+
+
+class Fitting:
+    """Changes terms so that a rope moves like an observed limit.
+
+    Arguments:
+        limit: what the runs of a program tend to.
+    """
+
+    def __init__(self, limit: ObservedLimit):
+        self._problem, self._samples = limit.problem, len(limit.states) - 1
+        self._weights = 1.0 / limit.uncertainty[1:].reshape(self._samples, -1)
+        self._target = np.nan_to_num(limit.states[1:]).reshape(self._weights.shape)
+        # The motion in units of the uncertainty.
+        size = max(
+            size * float(np.max(1.0 / limit.problem.quantity(name, limit.uncertainty)))
+            for name, size in limit.motion.items()
+        )
+        self._tolerance = float(np.clip(_PRECISION / size, FINEST, _COARSEST))
+        self._steps, _ = steps_for(limit.problem, right_terms(1), self._tolerance)
+
+    def _differences(
+        self, sets: Sequence[tuple[tuple[Group, ...], np.ndarray]], samples: int
+    ) -> list[tuple[np.ndarray, np.ndarray]]:
+        """From the first samples of the limit, in units of its uncertainty, with all changes.
+
+        Returns:
+            For each set of groups and changes the differences, ``(numbers,)``, and their
+            derivatives, ``(numbers, changes)``.
+        """
+        counts = [1 + len(changes) for _, changes in sets]
+        terms, ends = right_terms(sum(counts)), np.cumsum(counts)
+        for (groups, changes), count, end in zip(sets, counts, ends, strict=True):
+            moved = np.vstack([np.zeros(count - 1), _DIFFERENCE * np.eye(count - 1)])
+            values = _values(groups, changes + moved)
+            for name, value in zip(_names(groups), values.T, strict=True):
+                terms[name][end - count : end] = value
+        states = exact_motion(self._problem, terms, samples, self._steps)
+        weights, target = self._weights[:samples], self._target[:samples]
+        apart = weights * (states.reshape(len(states), samples, -1) - target)
+        apart = np.where(weights > 0.0, apart, 0.0).reshape(len(states), -1)
+        apart = np.where(np.isfinite(apart), apart, np.inf)
+        return [
+            (part[0], np.nan_to_num((part[1:] - part[0]).T / _DIFFERENCE, posinf=0.0, neginf=0.0))
+            for part in np.split(apart, ends[:-1])
+        ]
+
+    def fits(self, sets: Sequence[tuple[tuple[Group, ...], np.ndarray]], samples: int) -> list[Fit]:
+        """Change sets of groups, from these changes on, so that the first samples are met."""
+        trials = [_Trial(*each) for each in sets]
+        with np.errstate(all="ignore"):  # Ropes that blow up.
+            for _ in range(_MOST_ITERATIONS):
+                going = [trial for trial in trials if not trial.done]
+                if not going:
+                    break
+                found = self._differences([(each.groups, each.tried) for each in going], samples)
+                for trial, (apart, slopes) in zip(going, found, strict=True):
+                    trial.take(apart, slopes)
+        return [fit for trial in trials if (fit := trial.fit) is not None]
+
+    def refined(self, fits: Sequence[Fit]) -> list[Fit]:
+        """Fits to all samples, from those that are near."""
+        if not fits:
+            return []
+        # Changed ropes may need smaller steps than the right one.
+        terms = terms_with(min(fits, key=lambda fit: fit.misfit).values())
+        steps, _ = steps_for(self._problem, terms, self._tolerance)
+        self._steps = max(self._steps, steps)
+        return self.fits([(fit.groups, fit.changes) for fit in fits], self._samples)
+
+    def explaining(self) -> Iterator[list[Fit]]:
+        """Sets of groups whose change explains the limit within its uncertainty, by their number.
+
+        A fit begins with the first samples, where the motion depends on the terms almost linearly;
+        those that come closest are fitted to all samples.
+
+        Yields:
+            All fits with one group, then those with two, and so on.
+        """
+        every, first = groups_of(self._problem), max(self._samples // 3, 1)
+        ((right, _),) = self._differences([((), np.zeros(0))], first)
+        most = max(_NEARLY, _LEFT * float(np.max(np.abs(right))))
+        for size in range(1, _MOST_GROUPS + 1):
+            sets = [
+                (groups, np.concatenate(start))
+                for groups in itertools.combinations(every, size)
+                if size == 1 or all(group.name != "all" for group in groups)
+                for start in itertools.product(*(_starts(group, size) for group in groups))
+            ]
+            near = [fit for fit in self.fits(sets, first) if fit.misfit <= most]
+            near = sorted(near, key=lambda fit: fit.misfit)[:_MOST_NEAR]
+            yield [*{fit.groups: fit for fit in self.refined(near) if fit.explains}.values()]
+
+
+def _starts(group: Group, size: int) -> list[np.ndarray]:
+    """The changes of a group from which it is fitted: zero, and if it changes alone other ones."""
+    term = TERMS[group.terms[0]]
+    values = term.starts if size == 1 else (term.expected,)
+    return [np.full(len(group.terms), (value - term.expected) / group.unit) for value in values]

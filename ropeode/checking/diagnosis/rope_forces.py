@@ -1,0 +1,146 @@
+"""A rope's forces with the terms that programs get wrong, for many copies of the rope at once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ropeode.problems import Problem
+from ropeode.theory.known_mistakes import RIGHT
+
+
+class Term(NamedTuple):
+    """A number in a program that may be wrong.
+
+    Fields:
+        name: as the words of a diagnosis have it.
+        expected: its right value.
+        starts: from which a wrong one is looked for.
+        remedy: how the line of the program should be.
+    """
+
+    name: str
+    expected: float
+    starts: tuple[float, ...]
+    remedy: str
+
+
+_ZERO = "set the forces on all nodes to zero before each step"
+_NO_FACTOR = "multiply no velocity; a damping is a force"
+_ENDS = "f[i] += pull; f[i + 1] -= pull"
+AXES = ("x", "y", "z")
+TERMS = {
+    "gravity": Term("gravity", 1.0, (1.0,), RIGHT["gravity"]),
+    "stiffness": Term("the stiffness of springs", 1.0, (1.0, -1.0, 0.5, 2.0), RIGHT["spring"]),
+    "rest": Term("the rest length of springs", 1.0, (1.0, 0.0), RIGHT["spring"]),
+    "first_ends": Term("the pull of springs on the node before them", 1.0, (1.0, 0.0), _ENDS),
+    "second_ends": Term("the pull of springs on the node behind them", 1.0, (1.0, 0.0), _ENDS),
+    "damping": Term("the damping", 1.0, (1.0, 0.0), RIGHT["damping"]),
+    "further": Term("a further damping of nodes", 0.0, (0.0,), RIGHT["damping"]),
+    "dashpot": Term("a damping along each spring", 0.0, (0.0,), RIGHT["spring"]),
+    "per_spring": Term("a damping of each spring's two nodes", 0.0, (0.0,), RIGHT["damping"]),
+    "forces": Term("the sum of all forces but gravity", 1.0, (1.0, -1.0, 0.5, 2.0), RIGHT["mass"]),
+    "all": Term("the acceleration", 1.0, (1.0, -1.0, 0.5, 2.0), RIGHT["mass"]),
+    # A velocity is multiplied after the forces have seen it, before they do, or at the end.
+    "kept": Term("the velocity kept by a step", 1.0, (1.0, 0.99), _NO_FACTOR),
+    "kept_first": Term("the velocity kept by a step", 1.0, (1.0, 0.99), _NO_FACTOR),
+    "kept_last": Term("the velocity kept by a step", 1.0, (1.0, 0.99), _NO_FACTOR),
+    "old_forces": Term("the forces kept from the step before", 0.0, (0.0, 1.0), _ZERO),
+    "old_gravity": Term("the gravity kept from the step before", 0.0, (0.0, 1.0), _ZERO),
+    "velocity": Term("the initial velocity", 1.0, (1.0, 0.0), RIGHT["velocity"]),
+    # What is added to gravity, and to the initial velocity of all free nodes.
+    **{
+        f"{name}_{axis}": Term(f"{words} along {axis}", 0.0, (0.0,), RIGHT[name])
+        for name, words in (("gravity", "gravity"), ("velocity", "the initial velocity"))
+        for axis in AXES
+    },
+}
+# The numbers of a rope without springs.
+_NUMBERS = {"mass", "rest_length", "free", "gravity", "damping"}
+
+# Values of terms by name, ``(copies,)`` each.
+Terms = Mapping[str, np.ndarray]
+
+
+def right_terms(copies: int) -> dict[str, np.ndarray]:
+    """The terms of right programs."""
+    return {name: np.full(copies, term.expected) for name, term in TERMS.items()}
+
+
+def has_rope_forces(problem: Problem) -> bool:
+    """Whether a problem is a rope (springs or rigid links) whose state is ``(2, dim, nodes)``."""
+    fields = {*getattr(problem.args, "_fields", ())}
+    return (
+        problem.mechanics is not None
+        and problem.y0.ndim == 3
+        and fields >= _NUMBERS
+        and np.shape(problem.args.mass) == problem.y0.shape[2:]
+        and np.size(problem.args.gravity) == problem.y0.shape[1] <= len(AXES)
+    )
+
+
+def initial_states(problem: Problem, terms: Terms) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and velocities with which copies of a program begin, ``(copies, dim, nodes)``."""
+    copies, (x, v) = len(terms["velocity"]), problem.y0
+    more = np.stack([terms[f"velocity_{axis}"] for axis in AXES[: len(v)]], axis=1)
+    velocity = terms["velocity"][:, None, None] * v + more[:, :, None] * problem.args.free
+    return np.repeat(x[None], copies, axis=0), velocity
+
+
+class Forces:
+    """A rope's forces in several copies of a program, each with terms of its own.
+
+    Arguments:
+        args: the rope's numbers.
+        terms: of the copies.
+        single: whether the lengths of springs are rounded to single precision.
+    """
+
+    def __init__(self, args: Any, terms: Terms, *, single: bool = False):
+        self._args, self._single = args, single
+        self._of = {name: value[:, None, None] for name, value in terms.items()}
+        gravity = np.reshape(args.gravity, (-1, 1))
+        more = [self._of[f"gravity_{axis}"] for axis in AXES[: len(gravity)]]
+        self._gravity = self._of["gravity"] * gravity + np.concatenate(more, axis=1)
+        self._old_force: np.ndarray | float = 0.0
+        self._old_gravity: np.ndarray | float = 0.0
+        springs_at = np.ones(len(args.mass))
+        springs_at[1:-1] = 2.0
+        drag = self._of["damping"] * args.damping + self._of["further"]
+        self._drag = -(drag + self._of["per_spring"] * springs_at)
+        self._has_dashpot = bool(np.any(terms["dashpot"]))
+
+    def __call__(self, x: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """The acceleration, of which a program may keep a part for its next step.
+
+        Arguments:
+            x: positions, ``(copies, dim, nodes)``.
+            v: velocities, likewise.
+        """
+        of, args = self._of, self._args
+        v = v / of["kept"]
+        force = self._drag * v
+        if hasattr(args, "stiffness"):
+            pull = self._pull(x, v)
+            force[:, :, :-1] += of["first_ends"] * pull
+            force[:, :, 1:] -= of["second_ends"] * pull
+        force = of["forces"] * force + of["old_forces"] * self._old_force
+        gravity = self._gravity + of["old_gravity"] * self._old_gravity
+        self._old_force, self._old_gravity = force, gravity
+        return of["all"] * args.free * (force / args.mass + gravity)
+
+    def _pull(self, x: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """The force of each spring on the node before it."""
+        of, args = self._of, self._args
+        d = x[:, :, 1:] - x[:, :, :-1]
+        length = np.sqrt(np.einsum("cdn,cdn->cn", d, d))[:, None]
+        if self._single:
+            length = length.astype(np.float32).astype(np.float64)
+        along = d / length
+        tension = of["stiffness"] * args.stiffness * (length - of["rest"] * args.rest_length)
+        if self._has_dashpot:
+            apart = np.einsum("cdn,cdn->cn", v[:, :, 1:] - v[:, :, :-1], along)[:, None]
+            tension = tension + of["dashpot"] * apart
+        return tension * along
