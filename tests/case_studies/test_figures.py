@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import dataclasses
+import functools
 import typing
 
-import numpy as np
 import pytest
 
 from ropeode.case_studies import Claim, Measure, all_comparisons, all_figures, rope_report
 from ropeode.errors import InputError
+from ropeode.problems import InextensibleRope, Rope
 from ropeode.steppers import as_stepper
-
-# The rope is drawn to the left of its pin and to the right.
-ENDS = ((-400.0, 200.0), (400.0, 200.0))
 
 
 def test_figures_and_comparisons_are_there():
@@ -28,40 +25,30 @@ def test_figures_and_comparisons_are_there():
         assert set(each.figures) <= set(figures)
 
 
+AS_IN_ITS_README = {
+    "start": (0.0, 200.0),
+    "node_mass": 1.0,
+    "gravity": (0.0, -1.0),
+    "pinned": (0,),
+    "initial_velocity": (0.0, 0.0),
+}
+
+
 def test_settings_are_those_of_the_report():
-    """As its README gives them: start, ends, mass, stiffness, gravity, pin."""
-    # Many differ in their steps alone, which no problem depends on.
-    moving = {
-        dataclasses.replace(figure, figure=0, steps_per_frame=1, claim="swings", words="")
-        for figure in all_figures().values()
-        if figure.run_as
-    }
-    for figure in moving:
-        for end in ENDS:
-            problem = figure.setting("words").problem(end, 5)
-            assert problem.frames == 5
-            x, v = problem.y0
-            np.testing.assert_array_equal(x[:, 0], [0, 200])
-            np.testing.assert_array_equal(x[:, -1], end)
-            assert x.shape == (2, figure.num_nodes)
-            assert not np.any(v)
-            args = problem.args
-            np.testing.assert_array_equal(args.mass, 1)
-            np.testing.assert_array_equal(args.gravity[:, 0], [0, -1])
-            np.testing.assert_array_equal(args.free, [0] + [1] * (figure.num_nodes - 1))
-            np.testing.assert_array_equal(args.damping, figure.damping)
-            if figure.stepper != "constraint_verlet":
-                np.testing.assert_array_equal(args.stiffness, 100)
-
-
-def test_programs_damp_as_the_report_lists_them():
     """The listing of the force Verlet damps nothing; both Verlets start at rest."""
     for figure in all_figures().values():
         listing = figure.stepper == "force_verlet"
-        assert ("listing" in figure.meanings) == listing
-        assert ("words" in figure.meanings) == (figure.run_as is not None)
-        if listing:
-            assert not np.any(figure.setting("listing").problem(ENDS[0], 1).args.damping)
+        words = ("words", "listing") if listing else ("words",)
+        assert figure.meanings == (words if figure.run_as else ())
+        for meaning in figure.meanings:
+            rope = {**AS_IN_ITS_README, "num_nodes": figure.num_nodes}
+            rope["damping"] = 0.0 if meaning == "listing" else figure.damping
+            rigid = figure.stepper == "constraint_verlet"
+            kind = InextensibleRope if rigid else functools.partial(Rope, stiffness=100.0)
+            # The rope is drawn to the left of its pin and to the right.
+            for end in ((-400.0, 200.0), (400.0, 200.0)):
+                expected = kind(end=end, **rope).problem(5).parameters
+                assert figure.setting(meaning).problem(end, 5).parameters == expected
         if "verlet" in figure.stepper:
             chosen = as_stepper(figure.run_as)
             assert (chosen.start, chosen.damping) == ("rest", "per-step")
@@ -71,8 +58,7 @@ def test_programs_damp_as_the_report_lists_them():
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        *((([each],), "figures: .*given; allowed: .*Fix: ") for each in (0, 42, "x", 1.5)),
-        (([],), "figures: .*given; allowed: .*Fix: "),
+        *((each, "figures: .*given; allowed: .*Fix: ") for each in ([[0]], [[42]], [["x"]], [[]])),
         *((([4], frames), "frames: .*whole number >= 1") for frames in (0, 1.5, "many")),
     ],
 )

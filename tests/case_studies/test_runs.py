@@ -32,22 +32,6 @@ def finished(wanted, folder):
     return run_all(wanted, folder)
 
 
-@pytest.fixture
-def kept(finished, folder, tmp_path):
-    """A copy of the folder with the finished runs."""
-    return Path(shutil.copytree(folder, tmp_path / "kept"))
-
-
-def same(one, other) -> bool:
-    return all(
-        np.array_equal(a.states, b.states, equal_nan=True)
-        and (a.status, a.diverged_at, a.steps_per_frame, a.stepper)
-        == (b.status, b.diverged_at, b.steps_per_frame, b.stepper)
-        and a.problem.parameters == b.problem.parameters
-        for a, b in zip(one, other, strict=True)
-    )
-
-
 def test_runs_are_those_of_the_figures_and_of_their_mirror_images(finished):
     """And of a rope that differs from the left one in the last digits alone."""
     for run, images in finished.items():
@@ -69,41 +53,31 @@ def test_runs_are_those_of_the_figures_and_of_their_mirror_images(finished):
         assert np.all(np.abs(moved) <= np.spacing(np.abs(left[0, :, 1:])))
 
 
-@pytest.mark.parametrize("damage", ["cut", "flipped", "gone"])
-def test_runs_are_kept_and_a_damaged_file_is_computed_again(damage, kept, wanted, finished):
+def test_runs_are_kept_and_a_damaged_file_is_computed_again(tmp_path, folder, wanted, finished):
+    kept = Path(shutil.copytree(folder, tmp_path / "kept"))
+    cut, flipped, gone, *_ = sorted(kept.iterdir())
     assert len(list(kept.iterdir())) == len(wanted)
-    victim = sorted(kept.iterdir())[0]
-    whole = bytearray(victim.read_bytes())
-    if damage == "gone":
-        victim.unlink()
-    else:
-        whole[len(whole) // 2] ^= 0x10
-        victim.write_bytes({"cut": whole[:500], "flipped": bytes(whole)}[damage])
-    again = run_all(wanted, kept)
-    assert all(same(again[run], finished[run]) for run in wanted)
+    whole = bytearray(flipped.read_bytes())
+    whole[len(whole) // 2] ^= 0x10
+    flipped.write_bytes(whole)
+    cut.write_bytes(cut.read_bytes()[:500])
+    gone.unlink()
+    assert run_all(wanted, kept) == finished
 
 
 def test_a_folder_that_cannot_be_written_only_keeps_nothing(tmp_path, wanted, finished):
     (tmp_path / "file").write_text("")
     parts = []
     again = run_all(wanted, tmp_path / "file/runs", lambda text, part: parts.append(part))
-    assert all(same(again[run], finished[run]) for run in wanted)
+    assert again == finished
     assert parts == sorted(parts)
     assert parts[-1] == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize("number", [12, 26])
-def test_frames_suffice_for_what_theory_predicts(number):
-    figure = all_figures()[number]
-    settings = [figure.setting(meaning) for meaning in figure.meanings]
-    growths = [
-        growth_per_frame(each.problem((-400.0, 200.0), 1), each.stepper, each.steps_per_frame)
-        for each in settings
-    ]
-    frames = frames_for(settings)
-    assert 4000 <= frames <= 20_000
-    needed = max(
-        growth.predicted_blow_up or np.log(1000) / max(-growth.rate, 1e-12) for growth in growths
-    )
-    longest = frames * figure.steps_per_frame > 0.99 * 4000 * 65536
-    assert frames > 1.2 * needed or needed > 1e9 or longest or frames == 20_000
+@pytest.mark.parametrize(("number", "expected"), [(12, 4000), (26, 17_000)])
+def test_frames_suffice_for_what_theory_predicts(number, expected):
+    setting = all_figures()[number].setting("words")
+    problem = setting.problem((-400.0, 200.0), 1)
+    growth = growth_per_frame(problem, setting.stepper, setting.steps_per_frame)
+    frames = frames_for([setting])
+    assert frames == expected > 1.2 * np.log(1000) / -growth.rate
