@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import csv
 
-import pytest
-
 
 def write(folder, texts):
     """Write texts to the files of these names."""
@@ -14,12 +12,12 @@ def write(folder, texts):
         (folder / name).write_text(text)
 
 
-@pytest.fixture
-def rows_in():
-    """The rows of a grade book in a folder, by the names of submissions."""
+def times(folder):
+    """When each file of a folder was written."""
+    return {each.name: each.stat().st_mtime_ns for each in folder.iterdir()}
 
-    def read(folder):
-        with open(folder / "gradebook.csv") as file:
-            return {row["submission"]: row for row in csv.DictReader(file)}
 
-    return read
+def rows_in(folder):
+    """The rows of the grade book in a folder, by the names of submissions."""
+    with open(folder / "gradebook.csv") as file:
+        return {row["submission"]: row for row in csv.DictReader(file)}

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
+import psutil
 import pytest
 
-from tests.classroom.conftest import write
+from tests.classroom.conftest import rows_in, times, write
 from tests.time_limit import HANGS_AFTER_S
 
 STEP = "def step(acceleration, t, x, v, dt, args):\n"
@@ -97,7 +98,7 @@ def test_options_that_cannot_be_used(run, tmp_path, monkeypatch, words, says):
 
 
 @pytest.mark.slow
-def test_each_submission_has_its_row_and_is_not_checked_again(check, rows_in, tmp_path):
+def test_each_submission_has_its_row_and_is_not_checked_again(check, tmp_path):
     write(tmp_path / "class", {name: text for name, (text, *_) in CLASS.items()})
     write(tmp_path / "class", {f"{n}/helper.py": f"name = {n!r}\n" for n in ("zoe", "zora")})
     limits = ("--time-limit", "3", "--memory", "1500")
@@ -121,25 +122,19 @@ def test_each_submission_has_its_row_and_is_not_checked_again(check, rows_in, tm
     assert "SyntaxError: expected ':'" in (tmp_path / "out/feedback/syntax.md").read_text()
 
     write(tmp_path / "class", {"empty.py": RIGHT})
-    times = {each.name: each.stat().st_mtime_ns for each in (tmp_path / "out/results").iterdir()}
+    before = times(tmp_path / "out/results")
     check(*words).communicate(timeout=HANGS_AFTER_S)
-    again = {each.name: each.stat().st_mtime_ns for each in (tmp_path / "out/results").iterdir()}
-    assert {name for name in times if times[name] != again[name]} == {"empty.json"}
+    after = times(tmp_path / "out/results")
+    assert before.keys() == after.keys()
+    assert {name for name, _ in before.items() ^ after.items()} == {"empty.json"}
     assert rows_in(tmp_path / "out")["empty"]["points"] == "10"
 
 
 def has_ended(process):
     """Whether a process runs no more; nobody may have taken note of it."""
-    status = Path(f"/proc/{process}/status")
-    until = time.monotonic() + 10.0
-    while time.monotonic() < until:
-        try:
-            if "State:\tZ" in status.read_text():
-                return True
-        except (FileNotFoundError, ProcessLookupError):
-            return True
-        time.sleep(0.05)
-    return False
+    with contextlib.suppress(psutil.NoSuchProcess):
+        return psutil.Process(process).status() == psutil.STATUS_ZOMBIE
+    return True
 
 
 @pytest.mark.slow
@@ -156,12 +151,15 @@ def test_ctrl_c_keeps_what_is_done_and_ends_all_processes(check, tmp_path):
     _, err = process.communicate(timeout=HANGS_AFTER_S)
     assert process.returncode == 130
     assert "finished submissions are kept; run the same command to resume" in err
+    until = time.monotonic() + 10.0
+    while not has_ended(int(pid.read_text())) and time.monotonic() < until:
+        time.sleep(0.05)
     assert has_ended(int(pid.read_text()))
-    before = done.stat().st_mtime_ns
+    before = times(done.parent)["a.json"]
     write(tmp_path / "class", {"b.py": RIGHT})
     again = check(*words)
     again.communicate(timeout=HANGS_AFTER_S)
     assert again.returncode == 0
-    assert done.stat().st_mtime_ns == before
+    assert times(done.parent)["a.json"] == before
     other = json.loads((tmp_path / "out/results/b.json").read_text())
     assert other["outcome"]["verdict"] == "right"
