@@ -49,24 +49,27 @@ def test_local_processes_of_which_one_dies_and_some_say_no_rows(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("where", ["here", "on a cluster"])
-def test_cases_that_hang_or_kill_their_process_have_rows_that_say_so(where, tmp_path):
-    """Their processes are new ones each time."""
-    work = Rows(does={3: "hang", 5: "die"})
+@pytest.mark.parametrize("deaths", [None, 1, 2])
+def test_cases_that_hang_or_kill_their_process_have_rows_that_say_so(deaths, tmp_path):
+    """Here, and on a cluster.
+
+    Dask itself tries a task again if it allows for two deaths, and else it does not.
+    """
+    work = Rows(does={3: "hang", 5: "die", 7: "die once"}, notes=tmp_path)
     bad = {3: ("timed-out", "longer than 0.5 s"), 5: ("worker-died", "died each time")}
-    if where == "here":
+    if deaths is None:
         check(LocalProcesses(work, 1, case_limit=0.5), tmp_path / "rows", bad)
         return
-    with cluster(workers=1) as address:
+    with cluster(workers=2, deaths=deaths) as address:
         check(DaskCluster(work, address, case_limit=0.5), tmp_path / "rows", bad)
 
 
 @pytest.mark.slow
 def test_processes_that_cannot_start_are_reported(tmp_path):
     """As in a script with work of its own that has no `if __name__ == "__main__"`."""
-    (tmp_path / "script.py").write_text(
-        "from ropeode.sweep import LocalProcesses\ndef mine(task): pass\nLocalProcesses(mine, 1)\n"
-    )
+    code = "from ropeode.sweep import LocalProcesses\n"
+    code += "def mine(task): pass\nLocalProcesses(mine, 1)\n"
+    (tmp_path / "script.py").write_text(code)
     words = [sys.executable, "script.py"]
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, timeout=HANGS_AFTER_S)
     assert done.returncode == 1
@@ -80,8 +83,7 @@ def test_workers_end_with_the_process_that_started_them():
         "from ropeode.sweep import LocalProcesses\n"
         "from tests.sweep.stand_in import Rows, Sweep\n"
         "if __name__ == '__main__':\n"
-        "    engine = LocalProcesses(Rows(seconds=60), 2)\n"
-        "    engine.submit(next(Sweep(4).tasks()))\n"
+        "    LocalProcesses(Rows(seconds=60), 2).submit(next(Sweep(4).tasks()))\n"
         "    print(flush=True)\n"
         "    input()\n"
     )
@@ -108,12 +110,10 @@ def cluster(workers, deaths=1, *, processes=True):
         "distributed.admin.tick.limit": "1h",
     }
     where = {"host": "127.0.0.1"} if processes else {"processes": False}
-    shown = {"dashboard_address": ":0", "silence_logs": 60}
+    where |= {"n_workers": workers, "threads_per_worker": 1}
     with (
         dask.config.set(quick),
-        distributed.LocalCluster(
-            n_workers=workers, threads_per_worker=1, **shown, **where
-        ) as running,
+        distributed.LocalCluster(dashboard_address=":0", silence_logs=60, **where) as running,
     ):
         yield running.scheduler_address
 
@@ -127,16 +127,6 @@ def test_a_cluster_with_a_case_that_raises(tmp_path):
             assert cores() == 1
     finally:
         use_cores(None)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("deaths", [1, 2])
-def test_a_cluster_whose_workers_die(tmp_path, deaths):
-    """Dask itself tries a task again if it allows for two deaths, and else it does not."""
-    with cluster(workers=2, deaths=deaths) as address:
-        work = Rows(does={3: "die", 7: "die once"}, notes=tmp_path)
-        bad = {3: ("worker-died", "died each time")}
-        check(DaskCluster(work, address), tmp_path / "rows", bad)
 
 
 def test_a_cluster_without_workers_is_waited_for_and_not_forever(tmp_path):

@@ -74,22 +74,6 @@ OF_THE_TABLE = (
 )
 
 
-def order_columns(of_table, dt_of_one):
-    """An observed order as columns, with step sizes as numbers of steps."""
-    order = of_table.order
-    low, high = order.ci95 or (None, None)
-    used = sorted(round(dt_of_one / dt) for dt in order.used)
-    return {
-        "observed_order": order.observed,
-        "order_low": low,
-        "order_high": high,
-        "order_verdict": order.verdict,
-        "order_why": order.why,
-        "order_used": ", ".join(map(str, used)),
-        "expected_order": of_table.expected,
-    }
-
-
 def test_rows_are_what_the_functions_say_one_by_one(small, alone):
     """Those of the accuracy table, of motion and of stability; in columns of their types."""
     spec, rows = small
@@ -105,10 +89,21 @@ def test_rows_are_what_the_functions_say_one_by_one(small, alone):
         table = accuracy_table(own, [case.stepper], ladder)
         moved = classify_motion(simulate(own.problem, case.stepper, n))
         limit = stability_limit(own.problem, case.stepper)
+        (of_stepper,) = table.orders
+        order = of_stepper.order
+        low, high = order.ci95 or (None, None)
+        # Step sizes are numbers of steps.
+        used = sorted(round(row["dt"] * n / dt) for dt in order.used)
         expected = {
             **case.inputs(),
             **{name: getattr(table.rows[0], name) for name in OF_THE_TABLE},
-            **order_columns(table.orders[0], row["dt"] * n),
+            "observed_order": order.observed,
+            "order_low": low,
+            "order_high": high,
+            "order_verdict": order.verdict,
+            "order_why": order.why,
+            "order_used": ", ".join(map(str, used)),
+            "expected_order": of_stepper.expected,
             "motion": moved.verdict,
             "swings": moved.swings,
             "settled_at": moved.settled_at,
@@ -120,7 +115,7 @@ def test_rows_are_what_the_functions_say_one_by_one(small, alone):
         }
         assert {name: row[name] for name in expected} == expected
         reasons = [each.partition(": ")[0] for each in row["order_left_out"].split("; ")]
-        assert {*reasons} - {""} == {each.reason for each in table.orders[0].order.left_out}
+        assert {*reasons} - {""} == {each.reason for each in order.left_out}
         assert (row["reason"] is None) == (limit is not None)
     assert {"diverges", "never_settles"} <= {row["motion"] for row in rows}
 
@@ -173,8 +168,7 @@ def test_a_huge_sweep_keeps_no_references(small, tmp_path):
     assert evaluate(one, tmp_path) == rows[:1]
     assert not list(tmp_path.iterdir())
     many = SweepSpec({**VALUES, "random": {**VALUES["random"], "count": 100_000}})
-    kept = [next(each.cases()).settings.keep_references for each in (spec, many)]
-    assert kept == [True, False]
+    assert [next(each.cases()).settings.keep_references for each in (spec, many)] == [True, False]
 
 
 EXPLODING = """

@@ -118,9 +118,8 @@ def test_all_engines_make_the_same_files(folder, cache, monkeypatch):
     # Workers of a cluster keep what they compile where they are told to; here, to save time.
     monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", f"{cache}/ropeode/compiled")
     monkeypatch.setenv("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
-    with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=2, dashboard_address=":0", silence_logs=60
-    ) as cluster:
+    shown = {"dashboard_address": ":0", "silence_logs": 60}
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=2, **shown) as cluster:
         run_sweep(path, "dask", scheduler=cluster.scheduler_address)
     rows = rows_of(folder / "here")
     assert list(rows) == ["000000.parquet"]
@@ -182,10 +181,8 @@ def test_a_run_that_was_interrupted_is_resumed(folder):
         run_sweep(path, "out", progress=interrupted)
     summary = run_sweep(path, "out", progress=lambda *each: told.append(each))
     assert (summary.done, dict(summary.statuses)) == (8, {"ok": 8})
-    assert [(text.partition(",")[0], fraction) for text, fraction in told] == [
-        ("4 of 8 cases", 0.5),
-        ("8 of 8 cases", 1.0),
-    ]
+    told = [(text.partition(",")[0], fraction) for text, fraction in told]
+    assert told == [("4 of 8 cases", 0.5), ("8 of 8 cases", 1.0)]
     assert len(seen[-1]) == 4
     whole = load_sweep("out")
     for part in seen:
@@ -197,8 +194,13 @@ def test_a_run_that_was_interrupted_is_resumed(folder):
 
 
 def test_an_extended_sweep_computes_what_is_new_and_equals_one_made_at_once(folder, monkeypatch):
-    """Also where the extension was killed midway."""
+    """Also where the extension was killed midway. Another sweep and other software are refused."""
     small, large = spec(folder, nodes=[1]), spec(folder, "large.toml", (2, 1), (0.05, 0.1, 0.3))
+    # The lock of a dead process is none, even if its number belongs to another one by now.
+    grown = folder / "grown"
+    grown.mkdir()
+    (grown / "lock").touch()
+    (grown / "lock.json").write_text(json.dumps({"process": os.getpid(), "host": "here"}))
     run_sweep(small, "grown")
     before, told = load_sweep("grown"), []
     with pytest.raises(InputError, match=r"num_nodes: \[2\] added; grid.rate: \[0.05\] added"):
@@ -208,34 +210,22 @@ def test_an_extended_sweep_computes_what_is_new_and_equals_one_made_at_once(fold
         patch.setattr(shutil, "rmtree", mock.Mock(side_effect=KeyboardInterrupt))
         with pytest.raises(KeyboardInterrupt):
             run_sweep(large, "grown", extend=True)
-    assert len([*folder.glob("grown/rows-*")]) == 2
+    assert len([*grown.glob("rows-*")]) == 2
     assert set(load_sweep("grown")["key"]) == set(before["key"])
     summary = run_sweep(large, "grown", progress=lambda *each: told.append(each))
     assert told[0] == ("4 of 12 cases", 4 / 12)
     assert summary.done == 12
-    run_sweep(large, "at_once")
-    assert rows_of(folder / "grown") == rows_of(folder / "at_once")
-    # And once more is no extension.
+    # Once more is no extension, and a smaller sweep is none either.
     assert run_sweep(large, "grown", extend=True).done == 12
-
-
-def test_another_sweep_and_other_software_are_refused(folder):
-    """But not the lock of a dead process, even if its number belongs to another one by now."""
-    path, out = spec(folder, nodes=[1]), folder / "out"
-    out.mkdir()
-    (out / "lock").touch()
-    (out / "lock.json").write_text(json.dumps({"process": os.getpid(), "host": "here"}))
-    run_sweep(path, "out")
-    before = rows_of(folder / "out")
-    with pytest.raises(InputError, match=r"2 of its rows do not belong .*rate: \[0.3\] removed"):
-        run_sweep(spec(folder, "other.toml", [1], [0.1, 0.7]), "out", extend=True)
-    assert rows_of(folder / "out") == before
-    index = folder / "out/index.json"
-    values = json.loads(index.read_text())
+    with pytest.raises(InputError, match=r"8 of its rows do not belong .*rate: \[0.05\] removed"):
+        run_sweep(small, "grown", extend=True)
+    run_sweep(large, "at_once")
+    assert rows_of(grown) == rows_of(folder / "at_once")
+    values = json.loads((grown / "index.json").read_text())
     values["software"]["jax"] = "0.0.1"
-    index.write_text(json.dumps(values))
+    (grown / "index.json").write_text(json.dumps(values))
     with pytest.raises(InputError, match=r"software.jax: was '0.0.1', now '"):
-        run_sweep(path, "out")
+        run_sweep(large, "grown")
 
 
 def test_a_table_as_pandas_and_as_xarray(folder):
@@ -251,13 +241,12 @@ def test_a_table_as_pandas_and_as_xarray(folder):
     for row in frame.itertuples():
         at = {name: getattr(row, name) for name in cube.sizes}
         assert cube["error_max"].sel(at) == row.error_max
-    for folder, named, words in [
-        ("out", {"columns": ["eror_max"]}, "did you mean 'error_max'"),
-        ("out", {"form": "numpy"}, "allowed: pandas, xarray"),
-        ("nowhere", {}, "a folder of `ropeode sweep`"),
-    ]:
+    for named, words in (
+        ({"columns": ["eror_max"]}, "did you mean 'error_max'"),
+        ({"form": "numpy"}, "allowed: pandas, xarray"),
+    ):
         with pytest.raises(InputError, match=words):
-            load_sweep(folder, **named)
+            load_sweep("out", **named)
 
 
 @pytest.mark.parametrize(
@@ -278,3 +267,5 @@ def test_what_a_sweep_cannot_be_run_into(out, named, words, folder):
     with pytest.raises(InputError, match=f"^{words}"):
         run_sweep(path, out, **named)
     assert not (folder / "out").exists()
+    with pytest.raises(InputError, match="a folder of `ropeode sweep`"):
+        load_sweep("out")

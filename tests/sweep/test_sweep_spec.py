@@ -2,13 +2,23 @@
 
 import itertools
 import json
+import re
 import tomllib
+from pathlib import Path
 
 import pytest
 
 from ropeode.errors import InputError
 from ropeode.study import TableJob
-from ropeode.sweep import SweepSpec, commented_sweep, read_sweep
+from ropeode.sweep import (
+    INPUTS,
+    RESULTS,
+    STATUSES,
+    Distribution,
+    SweepSpec,
+    commented_sweep,
+    read_sweep,
+)
 
 SMALL = """
 steppers = ["rk4", "semi-implicit-euler"]
@@ -44,17 +54,16 @@ def test_every_combination_comes_once(small):
     assert json.loads(json.dumps(spec.values)) == spec.values
     for start, stop in ((0, 0), (0, 7), (5, 110), (23, 24), (40, 30), (96, 97)):
         assert list(spec.cases(start, stop)) == cases[start:stop]
+    varied = [
+        *((0.0, 0.1), (-1.0, -2.0), (4, 7), range(3)),
+        *(("rk4", "semi-implicit-euler"), (8, 16)),
+    ]
     combinations = {
-        (
-            *(case.parameters["damping"], case.parameters["gravity"][1]),
-            *(case.seed, case.draw, case.stepper, case.steps_per_frame),
-        )
+        (p["damping"], p["gravity"][1], case.seed, case.draw, case.stepper, case.steps_per_frame)
         for case in cases
+        for p in (case.parameters,)
     }
-    named = ("rk4", "semi-implicit-euler")
-    assert combinations == set(
-        itertools.product((0.0, 0.1), (-1.0, -2.0), (4, 7), range(3), named, (8, 16))
-    )
+    assert combinations == set(itertools.product(*varied))
     # Each draw is the same at every point of the grid.
     drawn = {(case.seed, case.draw, case.parameters["stiffness"]) for case in cases}
     assert len(drawn) == 6
@@ -106,38 +115,37 @@ def test_a_sweep_that_grows_keeps_its_cases(few, more, small):
         assert after[case.key].inputs() == case.inputs()
 
 
-def test_steppers_and_steps_may_be_drawn():
-    drawn = 'stepper = { choice = ["rk4", "velocity-verlet"] }\n'
-    drawn += "steps_per_frame = { integers = [4, 40] }"
-    spec = sweep(SMALL.replace("[random]", f"[random]\n{drawn}"))
-    cases = list(spec.cases())
-    assert len(cases) == spec.count == 2 * 2 * 6
+DRAWN = {
+    "initial_velocity": '{ uniform = [[-1, 0], [1, 2]], for_each = "node" }',
+    "node_mass": '{ uniform = [0.5, 2.0], for_each = "node" }',
+    "stiffness": '{ uniform = [50.0, 99.0], for_each = "spring" }',
+    "num_nodes": "{ integers = [2, 5] }",
+    "stepper": '{ choice = ["rk4", "velocity-verlet"] }',
+    "steps_per_frame": "{ integers = [4, 40] }",
+}
+
+
+def test_everything_may_be_drawn():
+    """A number of nodes before lists, whatever the order in which they are written."""
+
+    def cases_of(names):
+        lines = ["[random]", "count = 12", *(f"{name} = {DRAWN[name]}" for name in names)]
+        return list(sweep("\n".join(lines)).cases())
+
+    cases = cases_of(DRAWN)
+    assert [case.key for case in cases] == [case.key for case in cases_of(reversed(DRAWN))]
+    assert len(cases) == 12
     assert {case.stepper for case in cases} == {"rk4", "velocity-verlet"}
-    steps = {case.steps_per_frame for case in cases}
-    assert len(steps) > 3
-    assert steps <= {*range(4, 41)}
-
-
-def test_a_number_of_nodes_is_drawn_before_lists():
-    """Whatever the order in which the two are written."""
-    masses = "node_mass = { uniform = [0.5, 2.0], for_each = 'node' }\n"
-    masses += "stiffness = { uniform = [50.0, 99.0], for_each = 'spring' }\n"
-    nodes = "num_nodes = { integers = [2, 5] }\n"
-    head = "steppers = ['rk4']\nsteps_per_frame = [8]\n[random]\ncount = 6\n"
-    some, others = (list(sweep(head + text).cases()) for text in (masses + nodes, nodes + masses))
-    assert [case.key for case in some] == [case.key for case in others]
-    assert len({case.parameters["num_nodes"] for case in some}) > 1
-    for case in some:
-        assert len(case.parameters["node_mass"]) == case.parameters["num_nodes"]
-        assert len(case.parameters["stiffness"]) == case.parameters["num_nodes"] - 1
-
-
-def test_no_velocity_is_drawn_for_a_pinned_node():
-    velocity = 'initial_velocity = { uniform = [[-1, 0], [1, 2]], for_each = "node" }'
-    for case in sweep(SMALL.replace("[random]", f"[random]\n{velocity}")).cases(0, 8):
-        velocity = case.parameters["initial_velocity"]
-        assert velocity[0] == [0.0, 0.0]
-        assert all(-1 <= x <= 1 and 0 <= y <= 2 and x != y for x, y in velocity[1:])
+    assert len({case.steps_per_frame for case in cases} & {*range(4, 41)}) > 3
+    assert len({case.parameters["num_nodes"] for case in cases}) > 1
+    for case in cases:
+        nodes = case.parameters["num_nodes"]
+        assert len(case.parameters["node_mass"]) == nodes
+        assert len(case.parameters["stiffness"]) == nodes - 1
+        # A pinned node does not move.
+        pinned, *others = case.parameters["initial_velocity"]
+        assert (pinned, len(others)) == ([0.0, 0.0], nodes - 1)
+        assert all(-1 <= x <= 1 and 0 <= y <= 2 and x != y for x, y in others)
 
 
 BAD = {
@@ -178,20 +186,19 @@ def test_bad_values_are_all_reported_before_anything_runs(what):
 
 
 def test_the_commented_spec(tmp_path):
+    """The lines that are commented out can be used as well."""
     path, text = tmp_path / "sweep.toml", commented_sweep()
-    path.write_text(text)
-    assert read_sweep(path).count == 2 * 2 * 2 * 3
-    # The lines that are commented out can be used as well.
     head, random, rest = text.partition("# [random]")
     head = head.replace("# accuracy", "accuracy").replace("# rtol", "rtol")
-    path.write_text(head + (random + rest).replace("# ", ""))
-    assert read_sweep(path).fields.accuracy == 1e-6
-    assert read_sweep(path).count == 2 * 2 * 2 * 2 * 3
+    for each, count in ((head + (random + rest).replace("# ", ""), 48), (text, 24)):
+        path.write_text(each)
+        assert read_sweep(path).count == count
+        assert read_sweep(path).fields.accuracy == (1e-6 if count == 48 else None)
 
 
 def test_a_spec_of_a_table_says_the_same_of_its_problem():
     values = {"problem": "inextensible-rope", "frames": 2, "rope": {"num_nodes": 4}}
-    (case, *_) = SweepSpec(values).cases()
+    case = next(SweepSpec(values).cases())
     assert {"kind": case.settings.problem, **case.parameters} == TableJob(values).problem.parameters
 
 
@@ -202,3 +209,17 @@ def test_parameters_of_the_library_have_one_form():
     assert type(first.parameters["eccentricity"]) is float
     assert spec.columns["eccentricity"].type == "double"
     assert spec.columns["frames"].type == "int64"
+
+
+PAGE = (Path(__file__).parents[2] / "docs/reference/sweep-spec.md").read_text()
+
+
+def test_the_page_says_what_the_schema_says():
+    rows = re.findall(r"^\| `(.+?)` \| (\w+) \| (.+) \|$", PAGE, re.MULTILINE)
+    assert rows == [(name, *column) for name, column in (INPUTS | RESULTS).items()]
+    rows = re.findall(r"^\| `([a-z-]+)` \| ([^|]+) \|$", PAGE, re.MULTILINE)
+    assert rows == list(STATUSES.items())
+    example = sweep(re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)[0])
+    assert f"{example.count} cases" in PAGE
+    for name in {*type(example.fields).model_fields, *Distribution.model_fields, "seeds", "count"}:
+        assert name in PAGE

@@ -23,20 +23,18 @@ class Scripted:
 
     Arguments:
         slots: tasks under way.
-        deadly: cases that kill their process, and all that is under way with them.
+        does: of cases, what they do: "die", with all that is under way with them, "raise" or
+            "take too long".
         accidents: which submissions die for no reason of theirs.
-        raising: cases that raise.
         order: where in the list of those under way the next one to be done stands.
         most: rows that are handed back at a time.
-        slow: cases that take too long.
     """
 
     lost = (Gone,)
 
-    def __init__(self, slots=1, deadly=(), accidents=(), raising=(), order=(0,), most=99, slow=()):
-        self._slots, self.deadly, self.raising = slots, set(deadly), set(raising)
-        self.rows_at_once, self.slow, self.tried = most, set(slow), Counter()
-        self.accidents, self.order = set(accidents), order
+    def __init__(self, slots=1, does=None, accidents=(), order=(0,), most=99):
+        self._slots, self.does, self.accidents = slots, does or {}, accidents
+        self.order, self.rows_at_once, self.tried = order, most, Counter()
         self.submitted, self.most, self.waiting = 0, 0, []
 
     def slots(self):
@@ -61,15 +59,15 @@ class Scripted:
             return
         at = self.order[self.submitted % len(self.order)] % len(self.waiting)
         future, task, accident = self.waiting.pop(at)
-        numbers = {case.number for case in task.cases}
-        if numbers & self.deadly or accident:
+        does = {self.does.get(case.number) for case in task.cases}
+        if "die" in does or accident:
             for each in [future, *(other[0] for other in self.waiting)]:
                 each.set_exception(Gone())
             self.waiting.clear()
-        elif numbers & self.slow:
-            self.tried.update(numbers if len(numbers) == 1 else ())
+        elif "take too long" in does:
+            self.tried.update(case.number for case in task.cases if len(task.cases) == 1)
             future.set_exception(TookTooLong(2.5))
-        elif numbers & self.raising:
+        elif "raise" in does:
             future.set_exception(ArithmeticError("nonsense"))
         else:
             future.set_result([row(case) for case in task.cases[: self.rows_at_once]])
@@ -85,40 +83,41 @@ def rows_of(sweep, engine):
     return by_number
 
 
+# What becomes of a case that does this, and a word of the reason.
+BECOMES = {
+    "die": ("worker-died", "died each time"),
+    "raise": ("failed", "ArithmeticError: nonsense"),
+    "take too long": ("timed-out", "longer than 2.5 s"),
+}
+
+
 @given(
     slots=st.integers(1, 5),
-    deadly=st.sets(st.integers(0, 39), max_size=4),
-    raising=st.sets(st.integers(0, 39), max_size=4),
+    does=st.dictionaries(st.integers(0, 39), st.sampled_from([*BECOMES]), max_size=9),
     accidents=st.sets(st.integers(1, 40), max_size=3),
     order=st.lists(st.integers(0, 4), min_size=1, max_size=5),
     most=st.integers(1, 9),
-    slow=st.sets(st.integers(0, 39), max_size=2),
 )
 @settings(deadline=None, max_examples=60)
 def test_every_case_has_one_row_and_only_the_culprits_a_bad_one(
-    slots, deadly, raising, accidents, order, most, slow
+    slots, does, accidents, order, most
 ):
     """Accidents that strike one case three times in a row would be no accidents."""
-    sweep = Sweep(count=40, per_task=8)
-    close = [a for a in accidents if {a + 1, a + 2} & accidents]
-    slow, raising = slow - deadly, raising - deadly - slow
-    engine = Scripted(slots, deadly, accidents - set(close), raising, order, most, slow)
-    rows = rows_of(sweep, engine)
+    accidents = accidents - {a for a in accidents if {a + 1, a + 2} & accidents}
+    engine = Scripted(slots, does, accidents, order, most)
+    rows = rows_of(Sweep(count=40, per_task=8), engine)
     assert set(rows) == set(range(40))
-    assert {n for n in rows if rows[n]["status"] == "worker-died"} == deadly
-    assert {n for n in rows if rows[n]["status"] == "failed"} == raising
-    assert {n for n in rows if rows[n]["status"] == "timed-out"} == slow
+    for number, found in rows.items():
+        status, reason = BECOMES.get(does.get(number), ("ok", ""))
+        assert found["status"] == status
+        assert reason in (found["reason"] or "")
+        if status == "timed-out":
+            assert (found["seconds"], engine.tried[number]) == (2.5, 2)
     assert engine.most <= slots
-    for number in raising:
-        assert rows[number]["reason"] == "ArithmeticError: nonsense"
-    for number in slow:
-        assert rows[number]["seconds"] == 2.5
-        assert "longer than 2.5 s" in rows[number]["reason"]
-        assert engine.tried[number] == 2
 
 
-@pytest.mark.parametrize("deadly", [(), range(80)])
-def test_no_more_tasks_are_made_than_there_is_room_for(deadly):
+@pytest.mark.parametrize("does", ["nothing", "die"])
+def test_no_more_tasks_are_made_than_there_is_room_for(does):
     """A hundred million tasks do not fit into memory, not even if all of them kill processes."""
     taken = []
 
@@ -127,7 +126,8 @@ def test_no_more_tasks_are_made_than_there_is_room_for(deadly):
             taken.append(task.number)
             yield task
 
-    for done, _ in enumerate(dispatched(tasks(), Scripted(3, deadly), check_every=0.001)):
+    engine = Scripted(3, dict.fromkeys(range(80), does))
+    for done, _ in enumerate(dispatched(tasks(), engine, check_every=0.001)):
         assert len(taken) <= done + 1 + 3
 
 
