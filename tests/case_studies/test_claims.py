@@ -1,32 +1,45 @@
-"""When a claim holds, on motions and growths made up for it."""
+"""The facts of the report as they are packaged; and when a claim holds, on made-up motions."""
 
 from __future__ import annotations
+
+import dataclasses
+import functools
+import typing
 
 import numpy as np
 import pytest
 
-from ropeode.analysis import Motion, Thresholds
-from ropeode.case_studies import Comparison, compared, measured, verdict
+from ropeode.analysis import Motion
+from ropeode.case_studies import (
+    Claim,
+    Comparison,
+    Measure,
+    all_comparisons,
+    all_figures,
+    compared,
+    measured,
+    rope_report,
+    verdict,
+)
+from ropeode.errors import InputError
+from ropeode.problems import InextensibleRope, Rope
+from ropeode.steppers import as_stepper
 from ropeode.theory import Growth
+from tests.render.made_up import report
+
+RESTS = report().figures[1].readings[0].motion
 
 
 def motion(swings=4, **more) -> Motion:
+    """A rope that swings on, but for what is said otherwise."""
     usual = {
-        "verdict": "never_settles",
-        "diverged_at": None,
         "settled_at": None,
-        "unsettled_at": None,
         "swing_times": 30.0 + 50.0 * np.arange(swings),
         "reached_vertical_at": 28,
         "largest_stretch": 0.02,
-        "largest_stretch_at": 3,
-        "energy": None,
-        "energy_at_rest": None,
-        "jitter": 0.0,
         "frames": 1000,
-        "thresholds": Thresholds(),
     }
-    return Motion(**{**usual, **more})
+    return dataclasses.replace(RESTS, **{**usual, **more})
 
 
 def growth(rate: float) -> Growth:
@@ -106,3 +119,49 @@ def test_comparisons(measure):
         for motions in cases:
             comparison = Comparison(tuple(range(len(motions))), measure, "in words")
             assert compared(comparison, motions).verdict == holds
+
+
+AS_IN_ITS_README = {
+    "start": (0.0, 200.0),
+    "node_mass": 1.0,
+    "gravity": (0.0, -1.0),
+    "pinned": (0,),
+    "initial_velocity": (0.0, 0.0),
+}
+
+
+def test_settings_are_those_of_the_report():
+    """The listing of the force Verlet damps nothing; both Verlets start at rest."""
+    figures = all_figures()
+    assert list(figures) == list(range(1, 42))
+    assert {each.measure for each in all_comparisons()} <= {*typing.get_args(Measure)}
+    for figure in figures.values():
+        assert figure.claim in typing.get_args(Claim)
+        assert (figure.run_as is None) == (figure.claim == "drawn") == (figure.stepper == "none")
+        listing = figure.stepper == "force_verlet"
+        words = ("words", "listing") if listing else ("words",)
+        assert figure.meanings == (words if figure.run_as else ())
+        for meaning in figure.meanings:
+            rope = {**AS_IN_ITS_README, "num_nodes": figure.num_nodes}
+            rope["damping"] = 0.0 if meaning == "listing" else figure.damping
+            rigid = figure.stepper == "constraint_verlet"
+            kind = InextensibleRope if rigid else functools.partial(Rope, stiffness=100.0)
+            # The rope is drawn to the left of its pin and to the right.
+            for end in ((-400.0, 200.0), (400.0, 200.0)):
+                expected = kind(end=end, **rope).problem(5).parameters
+                assert figure.setting(meaning).problem(end, 5).parameters == expected
+        if "verlet" in figure.stepper:
+            chosen = as_stepper(figure.run_as)
+            assert (chosen.start, chosen.damping) == ("rest", "per-step")
+            assert getattr(chosen, "sweeps", 1) == 1
+
+
+def test_figures_are_taken_once_and_in_order_and_others_are_refused():
+    """These do not move, so that nothing has to be run."""
+    assert [each.figure.figure for each in rope_report(["2", 1, 2.0]).figures] == [1, 2]
+    for figures in ([0], [42], ["x"], [1.5], []):
+        with pytest.raises(InputError, match="figures: .*given; allowed: .*Fix: "):
+            rope_report(figures)
+    for frames in (0, 1.5, "many"):
+        with pytest.raises(InputError, match="frames: .*whole number >= 1"):
+            rope_report([4], frames)

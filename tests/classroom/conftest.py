@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import csv
 
+from tests.cli.conftest import environment, run_process, started
+
+__all__ = ["environment", "run_process", "started"]
+
 
 def write(folder, texts):
     """Write texts to the files of these names."""

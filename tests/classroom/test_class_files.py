@@ -10,7 +10,7 @@ from ropeode.problems import Rope
 from ropeode.references import Reference, save_reference
 from ropeode.render import markdown
 from ropeode.simulation import simulate
-from tests.checking.trajectory_writing import node_values, write_csv, write_npz
+from tests.checking.trajectory_writing import write_runs
 from tests.classroom.conftest import rows_in, times
 
 STEPS = (16, 32, 64, 128)
@@ -18,14 +18,10 @@ PROBLEM = {"problem": "rope", "frames": "3", "rope": {"num_nodes": "4"}}
 WORDS = ("--problem", "rope", "--num-nodes", "4", "--frames", "3", "--order", "2")
 
 
-def write(folder, problem, method="velocity-verlet", steps=STEPS, write=write_csv, **how):
+def write(folder, problem, method="velocity-verlet", steps=STEPS, suffix=".csv", **how):
     """What a program prints, one file for each number of steps."""
     folder.mkdir(parents=True, exist_ok=True)
-    for count in steps:
-        run = simulate(problem, method, count)
-        values = node_values(problem, run.states)
-        suffix = ".csv" if write is write_csv else ".npz"
-        write(folder / f"rope-{count}{suffix}", run.times, values, dt=run.dt, **how)
+    write_runs(folder, problem, method, steps, suffix, **how)
 
 
 @pytest.mark.slow
@@ -64,10 +60,9 @@ def outcomes(folder, known):
     shared = folder.with_name("shared")
     shared.mkdir(exist_ok=True)
     save_reference(known, shared / REFERENCE)
-    arguments = {"dts": None, "expected_order": 2, "method": None}
-    asked = Trajectories(
-        2048.0, values=PROBLEM, folder=".", arguments=arguments, truth="", time_limit=60.0
-    )
+    grading = {"dts": None, "expected_order": 2, "method": None}
+    asked = {"values": PROBLEM, "folder": ".", "arguments": grading, "truth": ""}
+    asked = Trajectories(2048.0, time_limit=60.0, **asked)
     return {
         each.name: examined(each.name, each.where, folder, asked, shared, lambda text: None)
         for each in trajectory_submissions(folder)
@@ -77,7 +72,7 @@ def outcomes(folder, known):
 def test_files_are_judged_as_by_the_command(tmp_path, known, small_rope):
     folder = tmp_path / "class"
     write(folder / "anna", small_rope)
-    write(folder / "bert", small_rope, write=write_npz)
+    write(folder / "bert", small_rope, suffix=".npz")
     write(folder / "carla", small_rope, digits="%.12g")
     write(folder / "dora", small_rope, steps=STEPS[:3])
     found = outcomes(folder, known)
@@ -105,11 +100,11 @@ def test_what_is_right_is_told_by_the_reference_that_is_there(tmp_path, known):
 def test_files_that_cannot_be_read_are_refused(tmp_path, known, small_rope):
     folder = tmp_path / "class"
     write(folder / "mixed", small_rope)
-    (folder / "mixed/rope-32.csv").write_text("t,node\n")
-    (folder / "mixed/rope-64.csv").write_text("nonsense\n")
+    (folder / "mixed/32.csv").write_text("t,node\n")
+    (folder / "mixed/64.csv").write_text("nonsense\n")
     found = outcomes(folder, known)["mixed"]
     assert (found.status, found.verdict, found.findings) == ("refused", "", {})
-    assert found.message.startswith("mixed/rope-32.csv, line 1")
+    assert found.message.startswith("mixed/32.csv, line 1")
     # Each fault is a line of the feedback, and none of them names a folder of the teacher's.
     text = markdown(found.blocks)
     assert text.count("Not checked: mixed/") == 2

@@ -101,15 +101,6 @@ def test_its_forms_are_those_of_the_files(tmp_path):
     assert all(f"`{word}`" in page for word in (*form, *form["submissions"][0], form["schema"]))
 
 
-def test_errors_of_the_expected_order_lie_on_its_line(tmp_path):
-    write_pages(book_of(CLASS[0]), tmp_path)
-    page = (tmp_path / "feedback/anna.html").read_text()
-    (line,) = re.findall("<line [^>]*stroke-dasharray[^>]*>", page)
-    (points,) = re.findall(r'points="([^"]*)"', page)
-    x1, y1, x2, y2 = re.findall(r'[xy][12]="([^"]*)"', line)
-    assert {f"{x1},{y1}", f"{x2},{y2}"} == {*points.split()}
-
-
 def test_pages_show_what_others_wrote_as_text(tmp_path):
     name = "<b>&'anna'"
     text = "<script>alert(1)</script>"

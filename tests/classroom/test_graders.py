@@ -31,7 +31,7 @@ SAYS_OF_EULER = "this is explicit-euler; its order is 1"
 
 
 @pytest.fixture(scope="module")
-def said_by(cache):
+def said_by(environment):
     """Run a command in a folder; returns what it prints."""
 
     def call(words, folder, **variables):
@@ -39,7 +39,7 @@ def said_by(cache):
         done = subprocess.run(
             words,
             cwd=folder,
-            env={**os.environ, "XDG_CACHE_HOME": cache, "PATH": path, **variables},
+            env={**environment, "PATH": path, **variables},
             capture_output=True,
             text=True,
             timeout=HANGS_AFTER_S,

@@ -26,7 +26,7 @@ class Page(NamedTuple):
 
 
 def read_page(path: Path, site: Path) -> Page:
-    """By the forms of attributes in what Sphinx writes; in the text of a page quotes are escaped."""
+    """By the attributes of tags in what Sphinx writes; in the text of a page quotes are escaped."""
     whole = path.read_text()
     article = whole.partition("<article")[2].rpartition("</article>")[0]
 

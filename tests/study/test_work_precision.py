@@ -1,20 +1,24 @@
-"""What error methods have for what cost: against exact solutions, and counts of calls."""
+"""What error methods have for what cost: against exact solutions, counts of calls, brute force."""
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 import time
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from ropeode import Problem, work_precision
 from ropeode.errors import InputError
 from ropeode.problems import PROBLEMS
 from ropeode.simulation import simulate
 from ropeode.study import INFINITE, as_method
+from ropeode.study.pareto import cost_to_reach, pareto_front
 from tests.exact_reference import exact_reference
 from tests.results import check_result
 
@@ -178,27 +182,22 @@ def test_runs_that_return_something_else_or_blow_up_stay_as_rows(decay):
     assert found.front("seconds") == ()
 
 
-def test_errors_larger_than_twice_the_motion_are_unstable(decay):
-    methods = [of_errors(decay, "off", (1.0, 10)), of_errors(decay, "far", (2.5, 9))]
+def test_errors_beyond_the_motion_and_below_the_resolution_are_marked(decay):
+    sizes = {"off": (1.0, 10), "far": (2.5, 9), "close": (0.5e-13, 10)}
+    methods = [of_errors(decay, name, each) for name, each in sizes.items()]
     found = work_precision(decay, methods, rtol=TOLERANCES[:1], rounds=1)
-    assert [row.status for row in found.rows] == ["ok", "unstable"]
-    assert found.rows[1].error_max == pytest.approx(2.5)
-    # It is certified to be useless.
-    assert found.front("rhs_evaluations") == found.rows[:1]
-    assert found.costs_to_reach(3.0, "rhs_evaluations")[1].cost is None
-
-
-def test_errors_below_the_resolution_are_no_numbers(decay):
-    close = of_errors(decay, "close", (0.5e-13, 10))
-    found = work_precision(decay, close, rtol=TOLERANCES[:1], rounds=1)
-    (row,) = found.rows
+    _, far, close = found.rows
+    assert [row.status for row in found.rows] == ["ok", "unstable", "ok"]
+    assert far.error_max == pytest.approx(2.5)
     assert found.resolution == pytest.approx(1e-13)
-    assert (row.status, row.resolved) == ("ok", False)
-    assert row.error_max is row.error_final is row.error_rms is row.error_over_tolerance is None
-    # It is known to be below the resolution, and no more.
-    (coarse,) = found.costs_to_reach(1e-2, "rhs_evaluations")
-    assert (coarse.cost, coarse.at_most) == (10.0, True)
-    assert found.costs_to_reach(0.99e-13, "rhs_evaluations")[0].cost is None
+    assert not close.resolved
+    assert close.error_max is close.error_final is close.error_rms is None
+    assert close.error_over_tolerance is None
+    # What is unstable is on no front and reaches nothing; the other is below the resolution.
+    assert found.front("rhs_evaluations") == ()
+    _, far, close = found.costs_to_reach(3.0, "rhs_evaluations")
+    assert (far.cost, close.cost, close.at_most) == (None, 10.0, True)
+    assert found.costs_to_reach(0.99e-13, "rhs_evaluations")[2].cost is None
 
 
 def test_an_unresolved_run_beats_certified_ones_that_cost_more(decay):
@@ -358,25 +357,60 @@ def test_defaults_are_those_that_can_run(decay):
 
 def test_what_names_mean(tmp_path):
     import diffrax
-    import scipy.integrate
 
     names = "def solve(problem, rtol): return problem.y0, 1\n"
     names += "def step(rhs, t, y, dt, args): return y + dt * rhs(t, y, args)\n"
     (tmp_path / "mine.py").write_text(names)
-    meant = {
-        "diffrax:Kvaerno5": (True, "adaptive implicit"),
-        "diffrax:Tsit5:constant": (False, "diffrax"),
+    for name, adaptive, family in (
+        ("diffrax:Kvaerno5", True, "adaptive implicit"),
+        ("diffrax:Tsit5:constant", False, "diffrax"),
         # It has no estimate of its error.
-        "diffrax:Euler": (False, "diffrax"),
-        "scipy:RK45": (True, "adaptive explicit"),
-        "scipy:RK45:constant": (False, "SciPy"),
-        "mine.py:solve": (True, "your own"),
-        "mine.py:step": (False, "your own"),
-    }
-    for name, (adaptive, family) in meant.items():
+        ("diffrax:Euler", False, "diffrax"),
+        ("scipy:RK45", True, "adaptive explicit"),
+        ("mine.py:solve", True, "your own"),
+        ("mine.py:step", False, "your own"),
+    ):
         method = as_method(name, tmp_path)
         assert (method.label, method.adaptive, method.family) == (name, adaptive, family)
     assert as_method(diffrax.Tsit5) == as_method("diffrax:Tsit5")
-    assert as_method(scipy.integrate.RK45) == as_method("scipy:RK45")
     # An object has options of its own, which a name does not say.
     assert not as_method(diffrax.Tsit5()).adaptive
+
+
+# Few different values, so that many points are equal in one of the two.
+NUMBERS = st.sampled_from([0.5, 1.0, 2.0, 3.0, 7.0]) | st.floats(1e-12, 1e6)
+POINTS = st.lists(st.tuples(NUMBERS, NUMBERS), max_size=12)
+
+
+def beats(a, b):
+    return a[0] <= b[0] and a[1] <= b[1] and a != b
+
+
+@given(POINTS)
+def test_the_front_is_what_no_point_beats(points):
+    front = pareto_front(points)
+    unbeaten = {point for point in points if not any(beats(other, point) for other in points)}
+    assert {points[i] for i in front} == unbeaten
+    assert len(front) == len(unbeaten)
+    costs = [points[i][0] for i in front]
+    assert costs == sorted(costs)
+    assert all(points.index(points[i]) == i for i in front)
+
+
+@given(st.lists(st.none() | st.tuples(NUMBERS, NUMBERS), max_size=8), NUMBERS)
+def test_nothing_is_extrapolated(points, error):
+    """The least of all costs that one can read from the picture by brute force."""
+    known = [point for point in points if point is not None]
+    found = cost_to_reach(error, points)
+    if not any(each <= error for _, each in known):
+        assert found is None
+        return
+    candidates = [cost for cost, each in known if each <= error]
+    for a, b in itertools.pairwise(points):
+        if a is None or b is None or not min(a[1], b[1]) < error < max(a[1], b[1]):
+            continue
+        slope = math.log(b[0] / a[0]) / math.log(b[1] / a[1])
+        candidates.append(a[0] * (error / a[1]) ** slope)
+    assert found is not None
+    assert found.cost == pytest.approx(min(candidates), rel=1e-9)
+    assert min(cost for cost, _ in known) * (1 - 1e-9) <= found.cost
