@@ -137,16 +137,14 @@ def test_a_damaged_file_is_named(tmp_path):
 
 
 def test_rows_of_many_files_are_summed_up(tmp_path):
-    work = Rows(does={2: "raise", 46: "raise"})
-    compute(Sweep(count=47), tmp_path / "rows-1", work)
+    compute(Sweep(count=47), tmp_path / "rows-1", Rows(does={2: "raise", 46: "raise"}))
     index = {"spec": {}, "software": {}, "count": 50, "columns": COLUMNS, "rows": "rows-1"}
     (tmp_path / "index.json").write_text(json.dumps({"format": 1, **index}))
     summary = summarize(tmp_path)
-    assert (summary.done, summary.total) == (47, 50)
-    assert dict(summary.statuses) == {"ok": 45, "failed": 2}
+    assert (summary.done, summary.total, summary.statuses) == (47, 50, {"ok": 45, "failed": 2})
     own = summary.steppers["rk4"]
     assert own.ranges == {"error_max": (1 / 48, 1 / 3)}
-    assert dict(own.counts["resolved"]) == {False: 16, True: 29}
+    assert own.counts["resolved"] == {False: 16, True: 29}
     assert summary.reasons == {("failed", f"ArithmeticError: number {n}"): 1 for n in (2, 46)}
 
 

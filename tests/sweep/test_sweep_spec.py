@@ -1,19 +1,24 @@
-"""The cases of a spec: all of them, once, made lazily, and the same when the sweep grows."""
+"""The cases of a spec: all of them, once, made lazily; their keys and draws, the same for ever."""
 
+from __future__ import annotations
+
+import dataclasses
+import decimal
+import importlib
 import itertools
 import json
-import re
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
 
 from ropeode.errors import InputError
 from ropeode.study import TableJob
 from ropeode.sweep import (
-    INPUTS,
-    RESULTS,
-    STATUSES,
     Distribution,
     SweepSpec,
     commented_sweep,
@@ -204,22 +209,200 @@ def test_a_spec_of_a_table_says_the_same_of_its_problem():
 
 def test_parameters_of_the_library_have_one_form():
     spec = sweep('problem = "kepler"\nsteppers = ["rk4"]\n[grid]\neccentricity = [0, 0.5]')
-    (first, *_) = spec.cases()
-    assert first.parameters == {"frames": 20, "eccentricity": 0.0, "periods": 1.0}
-    assert type(first.parameters["eccentricity"]) is float
-    assert spec.columns["eccentricity"].type == "double"
-    assert spec.columns["frames"].type == "int64"
+    parameters = next(spec.cases()).parameters
+    assert parameters == {"frames": 20, "eccentricity": 0.0, "periods": 1.0}
+    assert type(parameters["eccentricity"]) is float
+    assert [spec.columns[name].type for name in ("eccentricity", "frames")] == ["double", "int64"]
 
 
-PAGE = (Path(__file__).parents[2] / "docs/reference/sweep-spec.md").read_text()
+VALUES = {
+    "steppers": ["rk4"],
+    "steps_per_frame": [8],
+    "frames": 2,
+    "rope": {"num_nodes": 3},
+    "grid": {"damping": [0.1]},
+}
+
+# These concern the runs, and the others the problem and its reference as well.
+OF_RUNS = [
+    {"steppers": ["velocity-verlet"]},
+    {"steps_per_frame": [9]},
+    {"norm": "velocity-max"},
+    {"order_factors": [1, 2, 4]},
+    {"order_factors": []},
+    {"largest_stable_dt": True},
+    {"random": {"count": 1, "gravity": {"choice": [[0.0, -1.0]]}}},
+]
+OF_PROBLEMS = [
+    {"kind": "inextensible-rope"},
+    {"frames": 3},
+    {"rope": {"num_nodes": 3, "stiffness": 99.0}},
+    {"grid": {"damping": [0.2]}},
+    {"accuracy": 1e-6},
+    {"rtol": 1e-10},
+    {"level": "extended"},
+    {"level": "extended", "digits": 20},
+]
 
 
-def test_the_page_says_what_the_schema_says():
-    rows = re.findall(r"^\| `(.+?)` \| (\w+) \| (.+) \|$", PAGE, re.MULTILINE)
-    assert rows == [(name, *column) for name, column in (INPUTS | RESULTS).items()]
-    rows = re.findall(r"^\| `([a-z-]+)` \| ([^|]+) \|$", PAGE, re.MULTILINE)
-    assert rows == list(STATUSES.items())
-    example = sweep(re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)[0])
-    assert f"{example.count} cases" in PAGE
-    for name in {*type(example.fields).model_fields, *Distribution.model_fields, "seeds", "count"}:
-        assert name in PAGE
+def only_case(values):
+    (case,) = SweepSpec(values).cases()
+    return case
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return only_case(VALUES)
+
+
+def test_every_change_changes_the_key_and_some_the_reference(plain):
+    runs, problems = (
+        [only_case({**VALUES, **more}) for more in of] for of in (OF_RUNS, OF_PROBLEMS)
+    )
+    assert len({case.key for case in (plain, *runs, *problems)}) == 1 + len(runs) + len(problems)
+    assert {case.problem_key for case in runs} == {plain.problem_key}
+    assert len({case.problem_key for case in (plain, *problems)}) == 1 + len(problems)
+
+
+def test_each_draw_has_a_key_of_its_own():
+    """Also where two draws are equal; they have the same reference."""
+    random = {"count": 2, "seeds": [3, 4], "gravity": {"choice": [[0.0, -1.0]]}}
+    cases = list(SweepSpec({**VALUES, "random": random}).cases())
+    assert len({case.key for case in cases}) == len(cases) == 4
+    assert len({case.problem_key for case in cases}) == 1
+
+
+def test_what_is_written_as_the_default_is_no_change(plain):
+    more = {"level": "consensus", "norm": "position-max", "order_factors": [8, 4, 2, 1]}
+    rope = {"stiffness": 100, "gravity": [0, -1], "num_nodes": 3}
+    assert only_case({**VALUES, **more, "rope": rope}).key == plain.key
+    assert only_case({**VALUES, "steppers": ["rk4:"]}).key == plain.key
+
+
+def test_every_version_counts(plain):
+    software = plain.settings.software
+    assert {"jax", "numpy", "python", "machine", "backend", "source"} <= set(software)
+    for name in software:
+        other = dataclasses.replace(plain.settings, software={**software, name: "another"})
+        assert other.problem_key(plain.parameters) != plain.problem_key
+
+
+OWN = """
+from ropeode.steppers.euler import ExplicitEuler
+
+class Own(ExplicitEuler):
+    name = "own"
+"""
+
+
+def test_a_users_stepper_counts_by_what_is_in_its_file(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    file = tmp_path / "own_stepper.py"
+    file.write_text(OWN)
+    values = {**VALUES, "steppers": [importlib.import_module("own_stepper").Own(), "rk4"]}
+    before, other = SweepSpec(values).cases()
+    file.write_text(OWN + "# changed")
+    after, same = SweepSpec(values).cases()
+    assert before.key != after.key
+    assert before.problem_key == after.problem_key
+    assert other.key == same.key
+
+
+PENDULUM = (Path(__file__).parents[2] / "docs/examples/pendulum.py").read_text()
+EULER = "import helper\ndef euler(rhs, t, y, dt, args):\n    return y + dt * rhs(t, y, args)\n"
+
+
+def test_a_users_file_counts_by_what_is_in_it_and_in_what_it_imports(tmp_path):
+    """Of a problem and of a stepper, wherever the files are."""
+
+    def key_of(folder, problem=PENDULUM, step=EULER, helper="", stepper="steps.py"):
+        (tmp_path / folder).mkdir()
+        files = {"own.py": problem, "steps.py": step, "helper.py": helper}
+        files["sweep.toml"] = f'problem = "own.py:pendulum"\nsteppers = ["{stepper}"]\n'
+        for name, text in files.items():
+            (tmp_path / folder / name).write_text(text)
+        case, *_ = read_sweep(tmp_path / folder / "sweep.toml").cases()
+        return case.key
+
+    keys = [
+        key_of("plain"),
+        key_of("problem changed", problem=PENDULUM.replace("RATE = 0.1", "RATE = 0.2")),
+        key_of("step changed", step=EULER + "# changed"),
+        key_of("helper changed", helper="# changed"),
+    ]
+    assert len(set(keys)) == 4
+    assert key_of("moved") == keys[0]
+
+
+names = st.sampled_from(["damping", "stiffness", "stepper", "x"])
+whole = st.integers(0, 2**31)
+
+
+def draws(distribution: Distribution, count: int = 2000, name: str = "damping") -> np.ndarray:
+    return np.array([distribution.value(5, draw, name, None) for draw in range(count)])
+
+
+def test_each_value_is_as_likely_as_it_should_be():
+    uniform = draws(Distribution(uniform=[-1.0, 3.0]))
+    assert stats.kstest(uniform, stats.uniform(-1, 4).cdf).pvalue > 0.01
+    logs = draws(Distribution(log_uniform=[10.0, 1e4]))
+    assert stats.kstest(logs, stats.loguniform(10, 1e4).cdf).pvalue > 0.01
+    # The same random bits lie behind both.
+    assert np.allclose((uniform + 1) / 4, np.log10(logs / 10) / 3, rtol=1e-13, atol=1e-13)
+    for of, few in ({"integers": [3, 8]}, 6), ({"choice": ["a", "b", "c"]}, 3):
+        values, counts = np.unique(draws(Distribution(**of)), return_counts=True)
+        assert len(values) == few
+        assert stats.chisquare(counts).pvalue > 0.01
+    assert {*draws(Distribution(integers=[3, 8]))} == {*range(3, 9)}
+
+
+def test_neighbours_are_independent():
+    uniform = Distribution(uniform=[0.0, 1.0])
+    series = [
+        draws(uniform),
+        draws(uniform, name="stiffness"),
+        [uniform.value(6, draw, "damping", None) for draw in range(2000)],
+        [uniform.value(5, draw, "damping", 2)[1] for draw in range(2000)],
+        [*draws(uniform)[1:], 0.5],
+    ]
+    correlations = np.corrcoef(series) - np.eye(len(series))
+    # Five standard deviations of the correlation of independent series of this length.
+    assert np.max(np.abs(correlations)) < 5 / np.sqrt(2000)
+
+
+@given(whole, whole, names, st.integers(1, 5), st.integers(1, 5))
+@settings(max_examples=10, deadline=None)
+def test_more_entries_leave_the_first_ones(seed, draw, name, few, more):
+    distribution = Distribution(uniform=[[0.0, 5.0], [1.0, 6.0]])
+    long = distribution.value(seed, draw, name, few + more)
+    assert long[:few] == distribution.value(seed, draw, name, few)
+    assert long[0] == distribution.value(seed, draw, name, None)
+    assert all(0 <= x <= 1 and 5 <= y <= 6 for x, y in long)
+
+
+@given(st.floats(1e-300, 1e300), st.floats(1.0, 1e5), whole)
+@settings(max_examples=50, deadline=None)
+def test_logarithms_are_rounded_rightly(low, factor, draw):
+    high = min(low * factor, 1e300)
+    drawn = Distribution(log_uniform=[low, high]).value(1, draw, "x", None)
+    fraction = Distribution(uniform=[0.0, 1.0]).value(1, draw, "x", None)
+    with decimal.localcontext(decimal.Context(prec=60)):
+        start, end = decimal.Decimal(low), decimal.Decimal(high)
+        exact = start * (end / start) ** decimal.Decimal(fraction)
+        assert float(exact) == drawn
+    assert low <= drawn <= high
+
+
+def test_draws_are_the_same_everywhere_and_for_ever():
+    drawn = Distribution(log_uniform=[1, 9]).value(3, 1, "x", 2)
+    assert drawn == [2.717330389497861, 6.155352708015026]
+
+
+def test_bad_distributions():
+    for values in (
+        *({"uniform": [1, 2, 3]}, {"uniform": [[1], 2]}, {"uniform": [[1, 2], [1]]}),
+        *({"log_uniform": [0, 1]}, {"integers": [0.5, 1]}, {"integers": [2, 1]}),
+        *({"choice": []}, {}),
+    ):
+        with pytest.raises(InputError, match="given; allowed: "):
+            Distribution(**values)
