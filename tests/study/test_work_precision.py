@@ -234,13 +234,12 @@ def test_costs_and_measures_that_do_not_exist(study, decay):
 def test_an_energy_that_is_not_finite_is_no_small_error():
     """A logarithm of what must stay above zero, and does not in a coarse run."""
 
-    def rhs(t, y, args):
-        return -y
-
-    def energy(t, y, args):
-        return jnp.log(y[0]) + t
-
-    problem = Problem(rhs, [1.0], np.arange(3.0), energy=energy)
+    problem = Problem(
+        lambda t, y, args: -y,
+        [1.0],
+        np.arange(3.0),
+        energy=lambda t, y, args: jnp.log(y[0]) + t,
+    )
     truth = exact_reference(problem, np.exp(-problem.ts)[:, None])
 
     def below_zero(problem, rtol):
@@ -254,14 +253,15 @@ def test_an_energy_that_is_not_finite_is_no_small_error():
 
 def test_a_run_that_fails_is_kept_as_failed_beside_the_others(decay):
     """The first time, or when it is timed, or when it shows how long a step takes."""
-    calls = []
+    calls, bad_at = [], {1e-4: 3, 1e-5: 2, 1e-6: 1}
 
     def later(problem, rtol):
         calls.append(rtol)
-        if (calls.count(rtol), rtol) in ((3, 1e-4), (1, 1e-6)):
+        bad = calls.count(rtol) == bad_at.get(rtol)
+        if bad and rtol != 1e-5:
             raise OSError("out of\nfiles")
         states = decay.states + rtol * (problem.ts > 0.0)[:, None]
-        return (states * np.nan if (calls.count(rtol), rtol) == (2, 1e-5) else states), 10
+        return (states * np.nan if bad else states), 10
 
     def picky(rhs, t, y, dt, args):
         if float(dt) > 1.0 / 64.0:
@@ -272,15 +272,12 @@ def test_a_run_that_fails_is_kept_as_failed_beside_the_others(decay):
     found = work_precision(decay, [later, picky], rtol=rtol, steps_per_frame=[128])
     first, *lost, last, own_step = found.rows
     assert [row.status for row in lost] == ["failed", "diverged", "failed"]
-    for row, why in zip(
-        lost,
-        (
-            "when it ran again, later: it raised OSError: out of files",
-            "when it ran again, its state is not finite at frame 0",
-            "later: it raised OSError: out of files",
-        ),
-        strict=True,
-    ):
+    reasons = (
+        "when it ran again, later: it raised OSError: out of files",
+        "when it ran again, its state is not finite at frame 0",
+        "later: it raised OSError: out of files",
+    )
+    for row, why in zip(lost, reasons, strict=True):
         assert row.why.startswith(why)
         assert row.error_max is row.energy_error is None
         assert not row.resolved
@@ -293,10 +290,9 @@ def test_a_run_that_fails_is_kept_as_failed_beside_the_others(decay):
 def test_a_right_hand_side_that_raises_fails_single_runs():
     """Outside of its domain, which coarse runs leave."""
 
-    def root(t, y):
-        return np.array([-math.sqrt(y[0])])
-
-    problem = Problem.from_scipy(root, (0.0, 1.9), [1.0], frames=5)
+    problem = Problem.from_scipy(
+        lambda t, y: np.array([-math.sqrt(y[0])]), (0.0, 1.9), [1.0], frames=5
+    )
     truth = exact_reference(problem, ((1.0 - problem.ts / 2.0) ** 2)[:, None])
     methods = ["rk4", "diffrax:Tsit5", "scipy:RK45"]
     found = work_precision(truth, methods, steps_per_frame=[1, 16], rtol=[0.1, 1e-8], rounds=1)
@@ -307,10 +303,8 @@ def test_a_right_hand_side_that_raises_fails_single_runs():
 def test_a_jacobian_that_is_not_finite_fails_one_method():
     """SciPy raises where it is inverted."""
 
-    def rhs(t, y, args):
-        return jnp.array([1.0, -1.0]) * jnp.sqrt(y * y)
-
-    problem = Problem(rhs, [0.0, 1.0], np.arange(3.0))
+    signs = np.array([1.0, -1.0])
+    problem = Problem(lambda t, y, args: signs * jnp.sqrt(y * y), [0.0, 1.0], np.arange(3.0))
     truth = exact_reference(problem, np.exp(-problem.ts)[:, None] * np.array([0.0, 1.0]))
     found = work_precision(truth, ["scipy:Radau", "scipy:RK45"], rtol=[1e-6], rounds=1)
     radau, rk45 = found.rows

@@ -42,7 +42,7 @@ STEPPERS = {"steps.py:in_place": 1, "diffrax:Heun": 2, "scipy:RK23": 3}
 # Each number of nodes has a task of its own.
 SPEC = """
 steppers = {steppers}
-steps_per_frame = [4, 8]
+steps_per_frame = {steps}
 order_factors = []
 frames = 2
 rope = {{ stiffness = 4.0 }}
@@ -52,26 +52,20 @@ damping = {rates}
 """
 
 
-@pytest.fixture(scope="module")
-def specs(tmp_path_factory):
-    """Where specs are, and a stepper."""
-    folder = tmp_path_factory.mktemp("specs")
-    (folder / "steps.py").write_text(STEPS)
-    return folder
-
-
 @pytest.fixture
-def folder(tmp_path, monkeypatch, specs):
-    """Where sweeps are; a link leads to the specs."""
+def folder(tmp_path, monkeypatch):
+    """Where a stepper and sweeps are."""
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "specs").symlink_to(specs)
+    (tmp_path / "steps.py").write_text(STEPS)
     return tmp_path
 
 
-def spec(folder, name="spec.toml", nodes=(2, 3), rates=(0.1, 0.3), steppers=("velocity-verlet",)):
-    path = folder / "specs" / name
-    lists = {"nodes": [*nodes], "rates": [*rates], "steppers": [*steppers]}
-    path.write_text(SPEC.format(**lists))
+def spec(nodes=(2, 3), rates=(0.1, 0.3), steppers=("velocity-verlet",), steps=(4, 8)):
+    """The name of a file with a spec."""
+    lists = {"nodes": nodes, "rates": rates, "steppers": steppers, "steps": steps}
+    text = SPEC.format(**{name: [*values] for name, values in lists.items()})
+    path = Path(f"{len(nodes)}-{len(rates)}.toml")
+    path.write_text(text)
     return path
 
 
@@ -81,21 +75,10 @@ def rows_of(folder) -> dict[str, pa.Table]:
     return {path.name: pq.read_table(path).drop_columns(["seconds"]) for path in rows.iterdir()}
 
 
-@pytest.fixture(scope="session", autouse=True)
-def shared_programs(cache):
-    """Processes with that cache folder use the programs that this process has compiled."""
-    folder = Path(cache) / "ropeode"
-    folder.mkdir(exist_ok=True)
-    compiled = folder / "compiled"
-    if not compiled.exists():
-        compiled.symlink_to(os.environ["JAX_COMPILATION_CACHE_DIR"])
-
-
 @pytest.mark.slow
 def test_all_engines_make_the_same_files(folder, cache, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", cache)
-    path = spec(folder, steppers=STEPPERS)
-    path.write_text(path.read_text().replace("[4, 8]", "[32, 64]"))
+    path = spec(steppers=STEPPERS, steps=(32, 64))
     summary = run_sweep(path, "here")
     assert (summary.done, summary.total, dict(summary.statuses)) == (24, 24, {"ok": 24})
     check_result(summary)
@@ -106,9 +89,6 @@ def test_all_engines_make_the_same_files(folder, cache, monkeypatch):
         np.testing.assert_allclose(np.log2(errors[32] / errors[64]), order, atol=0.1)
     run_sweep(path, "local", workers=1)
     distributed = pytest.importorskip("distributed")
-    # Workers of a cluster keep what they compile where they are told to; here, to save time.
-    monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", f"{cache}/ropeode/compiled")
-    monkeypatch.setenv("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
     shown = {"dashboard_address": ":0", "silence_logs": 60}
     with distributed.LocalCluster(n_workers=1, threads_per_worker=2, **shown) as cluster:
         run_sweep(path, "dask", scheduler=cluster.scheduler_address)
@@ -123,12 +103,11 @@ def test_all_engines_make_the_same_files(folder, cache, monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_command_that_ends_early_says_how_and_is_resumed(folder, started, specs):
+def test_a_command_that_ends_early_says_how_and_is_resumed(folder, started):
     """After Ctrl-C and after SIGKILL; while it runs nobody else may write."""
-    steppers = ["velocity-verlet", "steps.py:in_place"]
-    path, out = spec(folder, nodes=[2, 3, 5], steppers=steppers), folder / "out"
+    path, out = spec([2, 3, 5], steppers=["velocity-verlet", "steps.py:in_place"]), folder / "out"
     # As long as this file exists, a rope of five nodes never moves.
-    hold = specs / "hold"
+    hold = folder / "hold"
     hold.touch()
 
     def ended(number, *more):
@@ -156,7 +135,7 @@ def test_a_command_that_ends_early_says_how_and_is_resumed(folder, started, spec
 
 def test_what_was_interrupted_and_extended_equals_a_sweep_made_at_once(folder, monkeypatch):
     """Also where the extension was killed midway. Another sweep and other software are refused."""
-    small, large = spec(folder, nodes=[2]), spec(folder, "large.toml", (3, 2), (0.05, 0.1, 0.3))
+    small, large = spec([2]), spec([3, 2], [0.05, 0.1, 0.3])
     # The lock of a dead process is none, even if its number belongs to another one by now.
     grown = folder / "grown"
     grown.mkdir()
@@ -194,12 +173,12 @@ def test_what_was_interrupted_and_extended_equals_a_sweep_made_at_once(folder, m
         pd.testing.assert_frame_equal(part.set_index("key"), whole.loc[part["key"]])
     # Once more is no extension, and a smaller sweep is none either.
     assert run_sweep(large, "grown", extend=True).done == 12
+    there = sorted(path.name for path in grown.iterdir())
+    assert there == ["index.json", "lock", "references", "rows-2"]
     with pytest.raises(InputError, match=r"8 of its rows do not .*damping: \[0.05\] removed"):
         run_sweep(small, "grown", extend=True)
     run_sweep(large, "at_once")
     assert rows_of(grown) == rows_of(folder / "at_once")
-    there = sorted(path.name for path in grown.iterdir())
-    assert there == ["index.json", "lock", "references", "rows-2"]
     values = json.loads((grown / "index.json").read_text())
     values["software"]["jax"] = "0.0.1"
     (grown / "index.json").write_text(json.dumps(values))
@@ -208,7 +187,7 @@ def test_what_was_interrupted_and_extended_equals_a_sweep_made_at_once(folder, m
 
 
 def test_a_table_as_pandas_and_as_xarray(folder):
-    run_sweep(spec(folder), "out")
+    run_sweep(spec(), "out")
     frame = load_sweep("out")
     assert list(frame.index) == list(range(8))
     assert list(frame["damping"][::2]) == [0.1, 0.3, 0.1, 0.3]
@@ -232,15 +211,15 @@ def test_a_table_as_pandas_and_as_xarray(folder):
     ("out", "named", "words"),
     [
         ("none/out", {}, "folder: .*Fix: create 'none'"),
-        ("specs/steps.py", {}, "folder: .*allowed: a folder"),
-        ("specs", {}, "folder: .*a sweep's folder, an empty one, or a new one"),
+        ("steps.py", {}, "folder: .*allowed: a folder"),
+        (".", {}, "folder: .*a sweep's folder, an empty one, or a new one"),
         ("damaged", {}, "folder: .*allowed: a sweep's folder"),
         ("out", {"workers": 0}, "workers: 0 given; allowed: a whole number >= 1"),
         ("out", {"workers": 2, "scheduler": "tcp://a:1"}, "workers: 2 given; allowed: none with"),
     ],
 )
 def test_what_a_sweep_cannot_be_run_into(out, named, words, folder):
-    path = spec(folder)
+    path = spec()
     (folder / "damaged").mkdir()
     (folder / "damaged/index.json").write_text("{")
     with pytest.raises(InputError, match=f"^{words}"):

@@ -287,38 +287,17 @@ def test_every_version_counts(plain):
         assert other.problem_key(plain.parameters) != plain.problem_key
 
 
-OWN = """
-from ropeode.steppers.euler import ExplicitEuler
-
-class Own(ExplicitEuler):
-    name = "own"
-"""
-
-
-def test_a_users_stepper_counts_by_what_is_in_its_file(tmp_path, monkeypatch):
-    monkeypatch.syspath_prepend(tmp_path)
-    file = tmp_path / "own_stepper.py"
-    file.write_text(OWN)
-    values = {**VALUES, "steppers": [importlib.import_module("own_stepper").Own(), "rk4"]}
-    before, other = SweepSpec(values).cases()
-    file.write_text(OWN + "# changed")
-    after, same = SweepSpec(values).cases()
-    assert before.key != after.key
-    assert before.problem_key == after.problem_key
-    assert other.key == same.key
-
-
 PENDULUM = (Path(__file__).parents[2] / "docs/examples/pendulum.py").read_text()
 EULER = "import helper\ndef euler(rhs, t, y, dt, args):\n    return y + dt * rhs(t, y, args)\n"
 
 
-def test_a_users_file_counts_by_what_is_in_it_and_in_what_it_imports(tmp_path):
-    """Of a problem and of a stepper, wherever the files are."""
+def test_a_users_file_counts_by_what_is_in_it_and_in_what_it_imports(tmp_path, monkeypatch):
+    """Of a problem and of a stepper, which may be an object; wherever the files are."""
 
-    def key_of(folder, problem=PENDULUM, step=EULER, helper="", stepper="steps.py"):
+    def key_of(folder, problem=PENDULUM, step=EULER, helper=""):
         (tmp_path / folder).mkdir()
-        files = {"own.py": problem, "steps.py": step, "helper.py": helper}
-        files["sweep.toml"] = f'problem = "own.py:pendulum"\nsteppers = ["{stepper}"]\n'
+        files = {"own.py": problem, "own_steps.py": step, "helper.py": helper}
+        files["sweep.toml"] = 'problem = "own.py:pendulum"\nsteppers = ["own_steps.py"]\n'
         for name, text in files.items():
             (tmp_path / folder / name).write_text(text)
         case, *_ = read_sweep(tmp_path / folder / "sweep.toml").cases()
@@ -332,6 +311,13 @@ def test_a_users_file_counts_by_what_is_in_it_and_in_what_it_imports(tmp_path):
     ]
     assert len(set(keys)) == 4
     assert key_of("moved") == keys[0]
+    monkeypatch.syspath_prepend(tmp_path / "moved")
+    values = {**VALUES, "steppers": [importlib.import_module("own_steps").euler, "rk4"]}
+    before, other = SweepSpec(values).cases()
+    (tmp_path / "moved/own_steps.py").write_text(EULER + "# changed")
+    after, same = SweepSpec(values).cases()
+    assert before.key != after.key
+    assert (before.problem_key, other.key) == (after.problem_key, same.key)
 
 
 names = st.sampled_from(["damping", "stiffness", "stepper", "x"])
