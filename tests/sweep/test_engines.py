@@ -147,24 +147,17 @@ def test_no_more_tasks_are_made_than_there_is_room_for(does):
         assert len(taken) <= done + 1 + 3
 
 
-def cancelled(future):
-    """As where the connection is lost."""
-    future.cancel()
-    future.set_running_or_notify_cancel()
+@pytest.mark.parametrize("error", [OSError(28, "No space left"), InputError("out: full."), None])
+def test_what_would_happen_to_every_case_ends_the_sweep(error):
+    """Without an error the connection is lost."""
 
-
-@pytest.mark.parametrize(
-    "ends",
-    [
-        lambda future: future.set_exception(OSError(28, "No space left on device")),
-        lambda future: future.set_exception(InputError("out: full.")),
-        cancelled,
-    ],
-)
-def test_what_would_happen_to_every_case_ends_the_sweep(ends):
     class Ending(Scripted):
         def submit(self, task):
-            ends(future := Future())
+            future = Future()
+            if error is not None:
+                future.set_exception(error)
+            elif future.cancel():
+                future.set_running_or_notify_cancel()
             return future
 
     with pytest.raises(RopeodeError, match="finished cases are kept"):
