@@ -160,6 +160,15 @@ def test_a_line_that_is_not_theorys_is_not_yet_asymptotic():
     assert "not yet asymptotic" in held(crossing, 1.0).why
 
 
+def test_one_run_does_not_say_whether_finer_ones_come_closer():
+    for bend in ([1.5], [1.4, 1.4]):
+        dts = DTS[: len(bend)]
+        theory = ErrorConstant(4, np.array([1.0]), None, dict(zip(dts[::-1], bend, strict=True)))
+        why = believed(observed_order(dts, dts**4 * bend), None, theory, 1.0).why
+        assert "; theory says order 4" in why
+        assert ("come no closer" in why) == (len(bend) > 1)
+
+
 def test_theory_excuses_no_wrong_stepper():
     """Its own theory says what order it has, whatever it declares."""
     # Runs that go away from the predicted line the finer they are refute it.

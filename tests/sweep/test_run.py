@@ -75,6 +75,15 @@ def rows_of(folder) -> dict[str, pa.Table]:
     return {path.name: pq.read_table(path).drop_columns(["seconds"]) for path in rows.iterdir()}
 
 
+@pytest.fixture(scope="session", autouse=True)
+def shared_programs(cache):
+    """Processes with that cache folder use the programs that this process has compiled."""
+    folder = Path(cache) / "ropeode"
+    folder.mkdir(exist_ok=True)
+    if not (folder / "compiled").exists():
+        (folder / "compiled").symlink_to(os.environ["JAX_COMPILATION_CACHE_DIR"])
+
+
 @pytest.mark.slow
 def test_all_engines_make_the_same_files(folder, cache, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", cache)
