@@ -102,7 +102,6 @@ def of_stiffening(t, y, args):
     return 0.5 * jnp.sum(y[1] ** 2 + (1.0 + t) * y[0] ** 2)
 
 
-@pytest.mark.slow
 def test_an_energy_that_changes_with_time_is_not_conserved():
     """A spring that grows stiffer, at rest first: nothing but the time changes its energy."""
     times = np.arange(4.0)
