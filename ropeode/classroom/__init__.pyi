@@ -1,6 +1,6 @@
-from .asked import Asked as Asked
 from .command import check_class as check_class
 from .command import grade_class as grade_class
+from .examination import Asked as Asked
 from .examination import examined as examined
 from .gradebook import as_text as as_text
 from .gradebook import grade_book as grade_book

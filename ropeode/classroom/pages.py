@@ -47,7 +47,7 @@ td svg text, td svg g { display: none }
 pre { background: #f5f5f5; padding: .7rem }
 .mark { display: inline-block; background: #fff3d6; padding: 0 .4rem }
 @media (max-width: 40rem) { .book { font-size: .875rem }
-  .book td, .book th { padding: .2rem } .book td:first-child { max-width: 6rem }
+  .book td, .book th { padding: .2rem .15rem } .book td:first-child { max-width: 6rem }
   .book td:not(.number) { white-space: normal }
   th:not([aria-sort]) button::after { content: none } }
 @media print { button::after { content: none !important } .cut { -webkit-line-clamp: none } }

@@ -16,8 +16,7 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
 from ropeode.cache import set_up_jax, software
-from ropeode.classroom.asked import Asked
-from ropeode.classroom.examination import examined, outcome_of, without_report
+from ropeode.classroom.examination import Asked, examined, outcome_of, without_report
 from ropeode.classroom.outcome import Outcome, Status, as_json, from_json, keep, kept
 from ropeode.classroom.submissions import Submission
 from ropeode.classroom.trajectories import REFERENCE

@@ -23,7 +23,7 @@ from ropeode.checking import (
     undamped,
     within,
 )
-from ropeode.classroom.asked import Asked
+from ropeode.classroom.examination import Asked
 from ropeode.errors import RopeodeError
 from ropeode.precision import in_float64
 from ropeode.problems import keep_apart

@@ -10,7 +10,7 @@ from typing import Any
 
 from ropeode.checking import CheckReport, read_runs
 from ropeode.checking.grade import grade
-from ropeode.classroom.asked import Asked
+from ropeode.classroom.examination import Asked
 from ropeode.errors import InputError
 from ropeode.sandbox import MEBIBYTE, Limits
 from ropeode.study import TableJob

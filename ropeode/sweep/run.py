@@ -128,8 +128,7 @@ def _prepare_folder(folder: Path, sweep: SweepSpec, extend: bool) -> Index:
     Raises:
         InputError: the folder contains rows that do not belong to this sweep.
     """
-    from ropeode.sweep.storage.extend import take_over
-    from ropeode.sweep.storage.row_files import Store
+    from ropeode.sweep.storage.row_files import Store, take_over
 
     old, index = _check_folder(folder, sweep, extend), _index(sweep)
     if old is None:

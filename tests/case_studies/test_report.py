@@ -1,4 +1,4 @@
-"""The report, run again, as far as it is cheap."""
+"""The report, run again, as far as it is cheap; and its runs, kept on disk."""
 
 from __future__ import annotations
 
@@ -7,13 +7,19 @@ import pytest
 
 from ropeode.analysis import classify_motion
 from ropeode.case_studies import (
+    Run,
+    all_figures,
     draw_report,
+    frames_for,
     plot_contact_sheets,
     plot_report_figure,
     rope_report,
+    run_all,
     verdict,
 )
 from ropeode.progress import silent
+from ropeode.simulation import simulate
+from ropeode.theory import growth_per_frame
 from tests.case_studies.conftest import CHEAP, FRAMES
 from tests.render.plots.legible import assert_legible
 from tests.results import check_result
@@ -23,13 +29,8 @@ def result_of(report, number):
     return next(each for each in report.figures if each.figure.figure == number)
 
 
-def reading_of(report, effect):
-    readings = result_of(report, effect.figure).readings
-    return next(reading for reading in readings if reading.meaning == effect.meaning)
-
-
 def test_every_figure_is_run_and_judged_by_its_motion(report):
-    """That runs are those that `simulate` makes, test_runs.py says."""
+    """That runs are those that `simulate` makes, is told below."""
     check_result(report)
     assert [each.figure.figure for each in report.figures] == [*CHEAP]
     for each in report.figures:
@@ -59,24 +60,23 @@ def test_what_is_known_of_some_figures(report):
     assert (words.meaning, words.verdict) == ("words", "holds")
     assert (listing.meaning, listing.verdict) == ("listing", "does not hold")
     assert "listing" in result_of(report, 31).measured
-
-
-def test_comparisons_need_all_their_figures(report):
-    ((pair, said),) = [(each.comparison.figures, each.verdict) for each in report.comparisons]
-    assert (pair, said) == ((36, 37), "holds")
+    # A comparison needs all of its figures.
+    (compared,) = report.comparisons
+    assert (compared.comparison.figures, compared.verdict) == ((36, 37), "holds")
 
 
 def test_what_thresholds_and_rounding_change_is_listed(report):
     """Figure 8 has grown out of the last digits; figures that rest come out the same."""
     assert {each.figure for each in report.sensitive_to_thresholds} == {31, 36}
     for each in report.sensitive_to_thresholds:
-        verdict = reading_of(report, each).verdict
-        assert each.verdict.rstrip("0123456789") != verdict.rstrip("0123456789")
+        readings = result_of(report, each.figure).readings
+        verdicts = [each.verdict, {it.meaning: it.verdict for it in readings}[each.meaning]]
+        assert len({verdict.rstrip("0123456789") for verdict in verdicts}) == 2
     figures = {each.figure for each in report.sensitive_to_rounding}
     assert 8 in figures
     assert not figures & {36, 37}
     for each in report.sensitive_to_rounding:
-        motion = reading_of(report, each).motion
+        motion = result_of(report, each.figure).motion
         assert each.value == getattr(motion, each.measure) != each.nudged
 
 
@@ -108,7 +108,6 @@ def test_an_interrupted_report_goes_on(tmp_path):
 def test_pictures(report):
     made = draw_report(report, silent)
     assert set(made) == {f"figure-{n:02}.png" for n in CHEAP} | {"contact-sheet-1.png"}
-    assert all(contents.startswith(b"\x89PNG") for contents in made.values())
     diverged = result_of(report, 8)
     shapes, speeds, *_ = plot_report_figure(diverged).axes
     before = diverged.motion.diverged_at
@@ -124,3 +123,59 @@ def test_pictures(report):
     (sheet,) = plot_contact_sheets(report)
     assert_legible(sheet, [])
     assert len(sheet.axes) == len(CHEAP)
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """Runs, and where they are kept."""
+    figures = [all_figures()[number] for number in (4, 31, 36)]
+    wanted = {Run(each.setting(meaning), FRAMES) for each in figures for meaning in each.meanings}
+    kept = tmp_path_factory.mktemp("runs")
+    return run_all(wanted, kept), kept
+
+
+def test_runs_are_those_of_the_figures_and_of_their_mirror_images(finished):
+    """And of a rope that differs from the left one in the last digits alone."""
+    for run, images in finished[0].items():
+        setting = run.setting
+        for image in images:
+            alone = simulate(image.problem, setting.stepper, setting.steps_per_frame)
+            np.testing.assert_array_equal(image.states, alone.states)
+            assert image.diverged_at == alone.diverged_at
+        for image, end in ((images.left, -400.0), (images.right, 400.0)):
+            assert image.problem.parameters == setting.problem((end, 200.0), FRAMES).parameters
+            assert image.states[0, 0, 0, -1] == end
+        assert images.mirrored
+        assert not images._replace(right=images.nudged).mirrored
+        left, nudged = images.left.states[0], images.nudged.states[0]
+        np.testing.assert_array_equal(left[..., 0], nudged[..., 0])
+        np.testing.assert_array_equal(left[1], nudged[1])
+        moved = nudged[0, :, 1:] - left[0, :, 1:]
+        assert np.all(moved != 0)
+        assert np.all(np.abs(moved) <= np.spacing(np.abs(left[0, :, 1:])))
+
+
+def test_runs_are_kept_where_they_can_be_and_a_damaged_file_is_computed_again(finished, tmp_path):
+    runs, kept = finished
+    cut, flipped, gone, *others = sorted(kept.iterdir())
+    assert len([cut, flipped, gone, *others]) == len(runs)
+    whole = bytearray(flipped.read_bytes())
+    whole[len(whole) // 2] ^= 0x10
+    flipped.write_bytes(whole)
+    cut.write_bytes(cut.read_bytes()[:500])
+    gone.unlink()
+    assert run_all(runs, kept) == runs
+    parts = []
+    (tmp_path / "file").write_text("")
+    assert run_all(runs, tmp_path / "file/runs", lambda _, part: parts.append(part)) == runs
+    assert parts == sorted(parts)
+    assert parts[-1] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("number", "expected"), [(12, 4000), (26, 17_000)])
+def test_frames_suffice_for_what_theory_predicts(number, expected):
+    setting = all_figures()[number].setting("words")
+    problem = setting.problem((-400.0, 200.0), 1)
+    growth = growth_per_frame(problem, setting.stepper, setting.steps_per_frame)
+    frames = frames_for([setting])
+    assert frames == expected > 1.2 * np.log(1000) / -growth.rate

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 
-import pytest
+from tests.cli.conftest import environment, run_process, started
+
+__all__ = ["environment", "run_process", "started"]
 
 
 def write(folder, texts):
@@ -14,12 +16,12 @@ def write(folder, texts):
         (folder / name).write_text(text)
 
 
-@pytest.fixture
-def rows_in():
-    """The rows of a grade book in a folder, by the names of submissions."""
+def times(folder):
+    """When each file of a folder was written."""
+    return {each.name: each.stat().st_mtime_ns for each in folder.iterdir()}
 
-    def read(folder):
-        with open(folder / "gradebook.csv") as file:
-            return {row["submission"]: row for row in csv.DictReader(file)}
 
-    return read
+def rows_in(folder):
+    """The rows of the grade book in a folder, by the names of submissions."""
+    with open(folder / "gradebook.csv") as file:
+        return {row["submission"]: row for row in csv.DictReader(file)}

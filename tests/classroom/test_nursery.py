@@ -37,6 +37,19 @@ SAYS = "for n in range(3, 99):\n try: os.write(n, {!r})\n except OSError: pass\n
 LIVES = ("raised", "it lives, in 0 files")
 # The line to the guard, which nobody finds who does not look for it.
 LINE = "from ropeode import sandbox\nline = sandbox._this.stream\n"
+# What is no report, though a process says it of itself.
+NO_REPORTS = (
+    FORGED.replace("}", f', "order": 1{"0" * 400}}}'),
+    FORGED.replace("}", ', "page": "<script>"}'),
+    FORGED.replace("}", ', "report": [["Drawing", ["<svg>"]]]}'),
+    "\udcff",
+)
+
+
+def says(report):
+    return f"{LINE}line.send(b'r', {report.encode(errors='surrogateescape')!r})\nos._exit(0)"
+
+
 # By the harm: the status of the submission, and what the message says.
 HARM = {
     "import builtins, numpy\nbuiltins.left = open('left', 'w')\nnumpy.sum = None": (
@@ -65,21 +78,11 @@ HARM = {
     ),
     # What stays in a session of its own keeps nobody waiting.
     "if os.fork() == 0:\n os.setsid()\n time.sleep(1000)": LIVES,
+    says(FORGED): ("checked", ""),
+    **dict.fromkeys(map(says, NO_REPORTS), ("crashed", "")),
+    # What begins when the others have done what they do, finds nothing of it.
+    "import builtins, numpy\nassert numpy.sum([2]) == 2 and not hasattr(builtins, 'left')": LIVES,
 }
-# What a process says of itself, and ends: a report, and what is none.
-REPORTS = {
-    FORGED: "checked",
-    json.dumps({**json.loads(FORGED), "order": 10**400}): "crashed",
-    json.dumps({**json.loads(FORGED), "page": "<script>"}): "crashed",
-    json.dumps({**json.loads(FORGED), "report": [["Drawing", ["<svg>"]]]}): "crashed",
-    "\udcff": "crashed",
-}
-# What the last one finds, which begins when the others have done what they do.
-CLEAN = "import builtins, numpy\nassert not hasattr(builtins, 'left') and numpy.sum([1, 2]) == 3"
-
-
-def says(report):
-    return f"{LINE}line.send(b'r', {report.encode(errors='surrogateescape')!r})\nos._exit(0)"
 
 
 def test_harm_reaches_no_other(tmp_path, monkeypatch):
@@ -88,18 +91,12 @@ def test_harm_reaches_no_other(tmp_path, monkeypatch):
     scratch.mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(scratch))
 
-    everything = [*HARM, *map(says, REPORTS), CLEAN]
-    submissions = [Submission(str(n), (code,), "", "") for n, code in enumerate(everything)]
+    submissions = [Submission(str(n), (harm,), "", "") for n, harm in enumerate(HARM)]
     outcomes = Class(tmp_path, submissions, Harm(300.0), None).outcomes(lambda *_: None)
     # Nobody can speak for another one.
     assert [each.name for each in outcomes] == [each.name for each in submissions]
-    *harmed, last = outcomes
-    for (harm, (status, words)), outcome in zip(HARM.items(), harmed, strict=False):
+    for (harm, (status, words)), outcome in zip(HARM.items(), outcomes, strict=True):
         assert (outcome.status, words in outcome.message) == (status, True), (harm, outcome)
-    said = [outcome.status for outcome in harmed[len(HARM) :]]
-    assert dict(zip(REPORTS, said, strict=True)) == REPORTS
-    # What another one has written and changed is its own.
-    assert (last.status, last.message) == LIVES
     assert not list(scratch.iterdir())
 
 
@@ -151,8 +148,8 @@ def test_what_is_done_is_kept_for_the_same_question(tmp_path, nothing_is_said):
     assert statuses == ["syntax error", "syntax error", "no stepper"]
     assert done_before(of()) == 1.0
     # One has another file, or another place in it; the question is another one.
-    assert done_before(of(anna._replace(digest="two"))) == 2 / 3
-    assert done_before(of(anna._replace(where=("anna.py:verlet",)))) == 2 / 3
+    for other in ({"digest": "two"}, {"where": ("anna.py:verlet",)}):
+        assert done_before(of(anna._replace(**other))) == 2 / 3
     for changed in ({"memory": 1999.0}, {"quick": True}):
         assert done_before(of(**changed)) == 1 / 3
     forged = json.loads((results / "anna.json").read_text())

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from html.parser import HTMLParser
+import html
+import re
 from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import unquote, urlsplit
@@ -25,45 +26,24 @@ class Page(NamedTuple):
 
 
 def read_page(path: Path, site: Path) -> Page:
-    reader = _Reader()
-    reader.feed(path.read_text())
+    """By the attributes of tags in what Sphinx writes; in the text of a page quotes are escaped."""
+    whole = path.read_text()
+    article = whole.partition("<article")[2].rpartition("</article>")[0]
 
-    def inside(found: set[str]) -> set[tuple[str, str]]:
+    def values(attribute: str, text: str = whole) -> set[str]:
+        return {html.unescape(each) for each in re.findall(rf'\s{attribute}="([^"]*)"', text)}
+
+    def inside(found: set[str]) -> frozenset[tuple[str, str]]:
         here = [urlsplit(each) for each in found]
-        return {
+        return frozenset(
             (str((path.parent / unquote(to) if to else path).resolve().relative_to(site)), anchor)
             for scheme, _, to, _, anchor in here
             if not scheme
-        }
+        )
 
     return Page(
-        anchors=frozenset(reader.anchors),
-        links=frozenset(inside(reader.links)),
-        text_links=frozenset(to for to, _ in inside(reader.text_links)),
-        text="".join(reader.text),
+        anchors=frozenset(values("(?:id|name)")),
+        links=inside(values("(?:href|src)")),
+        text_links=frozenset(to for to, _ in inside(values("href", article))),
+        text=html.unescape(re.sub("<[^>]*>", "", article)),
     )
-
-
-class _Reader(HTMLParser):
-    def __init__(self) -> None:
-        super().__init__()
-        self.anchors, self.links, self.text_links = set[str](), set[str](), set[str]()
-        self.text: list[str] = []
-        self.inside = 0
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        given = dict(attrs)
-        self.anchors |= {given[each] or "" for each in ("id", "name") if each in given}
-        self.inside += tag == "article"
-        for each in ("href", "src"):
-            if (to := given.get(each)) is not None:
-                self.links.add(to)
-                if self.inside and tag == "a":
-                    self.text_links.add(to)
-
-    def handle_endtag(self, tag: str) -> None:
-        self.inside -= tag == "article"
-
-    def handle_data(self, data: str) -> None:
-        if self.inside:
-            self.text.append(data)

@@ -1,4 +1,4 @@
-"""The accuracy table."""
+"""The accuracy table, and the leading term of the error in it."""
 
 from __future__ import annotations
 
@@ -6,10 +6,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from ropeode import InextensibleRope, Problem, Rope, accuracy_table
-from ropeode.analysis import error_series
+from ropeode import InextensibleRope, Problem, Rope, accuracy_table, reference
+from ropeode.analysis import error_series, observed_order
+from ropeode.norms import norm_for
+from ropeode.problems import PROBLEMS
 from ropeode.simulation import simulate
 from ropeode.study import DEFAULT_STEPPERS, default_steppers, problem_class
+from ropeode.study.error_constant import ErrorConstant, believed, error_constant
+from ropeode.theory import PredictedError
 from tests.exact_reference import exact_reference
 
 
@@ -36,37 +40,29 @@ def test_rows_are_runs_and_orders_follow_them():
     assert fractions[-1] == 1.0
 
 
-def decaying(t, y, args):
-    return -y
+DECAYING = Problem(lambda t, y, args: -y, [1.0], [0.0, 1.0])
 
 
-def test_default_steppers_fit_and_solve_the_problem(driven_pendulum):
-    """A rope with springs is not given to steppers that keep lengths, whose limit is another."""
-    keep_lengths = {"constraint-verlet", "rattle"}
-    needs_damping = {"stormer-verlet", "stormer-verlet:start=rest"}
-    everything = set(DEFAULT_STEPPERS)
-    for problem, expected in [
-        (Rope(num_nodes=4).problem(frames=2), everything - keep_lengths),
-        (driven_pendulum, everything - keep_lengths),
-        (InextensibleRope(num_nodes=4).problem(frames=2), everything - needs_damping),
-        (Problem(decaying, [1.0], [0.0, 1.0]), {"explicit-euler", "rk4"}),
+def test_problem_classes_and_their_default_steppers(driven_pendulum):
+    """Damped, at rest at the start, rigid: where no damped node can move, nothing is damped.
+
+    A rope with springs is not given to steppers that keep lengths, whose limit is another.
+    """
+    springs = {*DEFAULT_STEPPERS} - {"constraint-verlet", "rattle"}
+    rigid = {*DEFAULT_STEPPERS} - {"stormer-verlet", "stormer-verlet:start=rest"}
+    for problem, of_class, steppers in [
+        (Rope(num_nodes=4).problem(2), (True, True, False), springs),
+        (driven_pendulum, (True, False, False), springs),
+        (InextensibleRope(num_nodes=4).problem(2), (True, True, True), rigid),
+        (InextensibleRope(num_nodes=4, damping=0.0).problem(2), (False, True, True), None),
+        (InextensibleRope(num_nodes=2, damping=(3, 0)).problem(2), (False, True, True), None),
+        (InextensibleRope(initial_velocity=(0, 1)).problem(2), (True, False, True), None),
+        (DECAYING, (True, False, False), {"explicit-euler", "rk4"}),
     ]:
-        expected = [each for each in DEFAULT_STEPPERS if each in expected]
-        assert default_steppers(problem) == expected
-
-
-def test_problem_classes(driven_pendulum):
-    """Damped, at rest at the start, rigid: where no damped node can move, nothing is damped."""
-    for problem, expected in [
-        (InextensibleRope(num_nodes=4).problem(2), (True, True, True)),
-        (InextensibleRope(num_nodes=4, damping=0.0).problem(2), (False, True, True)),
-        (InextensibleRope(num_nodes=2, damping=(3, 0)).problem(2), (False, True, True)),
-        (InextensibleRope(num_nodes=4, initial_velocity=(0, 1)).problem(2), (True, False, True)),
-        (Rope(num_nodes=4).problem(2), (True, True, False)),
-        (driven_pendulum, (True, False, False)),
-        (Problem(decaying, [1.0], [0.0, 1.0]), (True, False, False)),
-    ]:
-        assert tuple(problem_class(problem)) == expected
+        assert tuple(problem_class(problem)) == of_class
+        if steppers is not None:
+            chosen = [each for each in DEFAULT_STEPPERS if each in steppers]
+            assert default_steppers(problem) == chosen
 
 
 def test_steppers_of_another_problem_are_marked(small_rope):
@@ -88,11 +84,11 @@ def test_diverged_runs_are_rows_without_errors(decay):
     assert order.verdict == "converges"
 
 
-@pytest.mark.parametrize(("jump_times", "expected"), [((), 4), ((0.5,), None)])
-def test_jumps_take_the_expectation_away(jump_times, expected):
-    problem = Problem(decaying, [1.0], [0.0, 1.0], jump_times=jump_times)
-    known = exact_reference(problem, np.exp(-problem.ts)[:, None])
-    assert accuracy_table(known, ["rk4"], [4]).orders[0].expected == expected
+def test_jumps_take_the_expectation_away():
+    for jump_times, expected in (((), 4), ((0.5,), None)):
+        problem = DECAYING.changed(jump_times=jump_times)
+        known = exact_reference(problem, np.exp(-problem.ts)[:, None])
+        assert accuracy_table(known, ["rk4"], [4]).orders[0].expected == expected
 
 
 def test_an_orbit_that_is_back_at_each_sample_is_not_unstable() -> None:
@@ -105,3 +101,106 @@ def test_an_orbit_that_is_back_at_each_sample_is_not_unstable() -> None:
     reasons = {left.reason for each in table.orders for left in each.order.left_out}
     assert "unstable" not in reasons
     assert [each.order.verdict for each in table.orders] == ["converges", "converges"]
+
+
+def test_agreement_begins_where_it_lasts_to_the_finest_step():
+    def constant(measured):
+        return ErrorConstant(1, np.array([1.0, 2.0]), None, measured)
+
+    found = constant({0.1: 2.01, 0.2: 2.15, 0.4: 2.5, 0.8: 2.0})
+    assert (found.dt, found.measured, found.ratio) == (0.1, 2.01, 1.005)
+    assert found.agree_from(0.01) == 0.1
+    assert found.agree_from(0.1) == 0.2
+    assert constant({0.1: 2.5, 0.2: 2.0}).agree_from(0.1) is None
+
+
+def test_runs_that_cannot_be_used_count_for_nothing():
+    problem = DECAYING.changed(ts=np.arange(3.0))
+    dts = [0.5, 0.25, 0.125, 0.0625, 0.03125]
+    errors = [9.0, 0.25, 0.126, 0.0626, 0.9]
+    order = observed_order(dts, errors, rounding=[0, 0, 0, 0, 0.5], motion=1.0)
+    # At the third step size rounding makes more than a part in 300 of the error.
+    rounding = [1e-4, 1e-4, 1e-3, 1e-4, 0.5]
+    runs = dict(zip(dts, zip(errors, rounding, strict=True), strict=True))
+    exact = exact_reference(problem, np.exp(-problem.ts)[:, None])
+    prediction = PredictedError(1, problem.ts, np.array([[0.0], [1.0], [0.5]]), 1e-6)
+    found = error_constant(exact, norm_for(problem), runs, order, prediction)
+    assert list(found.measured_at) == [0.0625, 0.25]
+    assert found.measured == pytest.approx(0.0626 / 0.0625)
+    none = error_constant(exact, norm_for(problem), runs, order, "nobody knows")
+    assert (none.predicted, none.why, none.order, none.ratio) == (None, "nobody knows", 1, None)
+    zero = PredictedError(1, problem.ts, np.zeros((3, 1)), 0.0)
+    zero = error_constant(exact, norm_for(problem), runs, order, zero)
+    assert zero.predicted is None
+    assert zero.why == "the term with dt^1 vanishes"
+
+
+DTS = 0.1 / 2.0 ** np.arange(5)
+
+
+def held(errors, predicted, order=4, declared=4):
+    """The verdict on errors whose leading term theory predicts as ``predicted * dt**order``."""
+    measured = dict(zip(DTS[::-1], (errors / DTS**order)[::-1], strict=True))
+    theory = ErrorConstant(order, np.array([predicted]), None, measured)
+    return believed(observed_order(DTS, errors), declared, theory, 1.0)
+
+
+def test_a_line_that_is_not_theorys_is_not_yet_asymptotic():
+    """Order 4 with a small constant, beside a large term of order 5: a line of slope 5."""
+    errors = DTS**4 * (1 + 5000 * DTS)
+    assert observed_order(DTS, errors).observed == pytest.approx(5, abs=0.02)
+    found = held(errors, 1.0)
+    assert found.verdict == "undetermined"
+    assert found.observed is found.ci95 is None
+    # There the two terms differ by a factor of ten.
+    assert "not yet asymptotic: theory says order 4 from about 50000 steps" in found.why
+    assert found.add == (DTS[-1] / 2, DTS[-1] / 4)
+    # Coarse errors may cross the predicted line, and be close to it at one step size by accident.
+    crossing = DTS**5 / DTS[-1]
+    assert "not yet asymptotic" in held(crossing, 1.0).why
+
+
+def test_one_run_does_not_say_whether_finer_ones_come_closer():
+    for bend in ([1.5], [1.4, 1.4]):
+        dts = DTS[: len(bend)]
+        theory = ErrorConstant(4, np.array([1.0]), None, dict(zip(dts[::-1], bend, strict=True)))
+        why = believed(observed_order(dts, dts**4 * bend), None, theory, 1.0).why
+        assert "; theory says order 4" in why
+        assert ("come no closer" in why) == (len(bend) > 1)
+
+
+def test_theory_excuses_no_wrong_stepper():
+    """Its own theory says what order it has, whatever it declares."""
+    # Runs that go away from the predicted line the finer they are refute it.
+    for found in (held(3 * DTS, 3.0, order=1), held(DTS, 1.0)):
+        assert (found.verdict, round(found.observed, 3)) == ("converges", 1.0)
+
+
+@pytest.mark.parametrize(("bend", "verdict"), [(0.0, "converges"), (0.6, "undetermined")])
+def test_without_theory_a_wide_interval_refutes_no_declared_order(bend, verdict):
+    order = observed_order(DTS, DTS**2 * (1 + bend * DTS / DTS[0]))
+    assert order.verdict == "converges"
+    for theory in (None, ErrorConstant(None, None, "nobody knows", {})):
+        assert believed(order, 3, theory, 1.0).verdict == verdict
+        assert believed(order, 2, theory, 1.0) == believed(order, None, theory, 1.0) == order
+    # Semi-implicit Euler on the Pleiades, whose prediction is too uncertain to be shown.
+    dts, errors = 0.15 / np.array([96, 144, 216, 324]), [0.7585, 0.3628, 0.1791, 0.08758]
+    order = observed_order(dts, errors)
+    assert order.verdict == "converges"
+    assert believed(order, 1, None, 0.15).verdict == "undetermined"
+    # A corner of the solution makes such an order, but the slopes are then all the same.
+    order = observed_order(DTS, DTS**1.5)
+    assert believed(order, 2, None, 1.0) == order
+
+
+@pytest.mark.slow
+def test_three_points_that_theory_confirms_are_an_order():
+    """Of rk4 on Lorenz's equations; coarser ones only look like order 5."""
+    truth = reference(PROBLEMS["lorenz"]())
+    table = accuracy_table(truth, ["rk4"], (64, 128, 256, 512, 1024), predict=True)
+    (found,) = table.orders
+    assert (found.order.verdict, len(found.order.used)) == ("converges", 3)
+    assert found.order.observed == pytest.approx(4, abs=0.05)
+    (found,) = accuracy_table(truth, ["rk4"], (16, 32, 64, 128), predict=True).orders
+    assert found.order.verdict == "undetermined"
+    assert "theory says order 4 from about" in found.order.why

@@ -1,4 +1,4 @@
-"""Errors and energies against time."""
+"""Errors, energies and nodes against time."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from ropeode import Problem, Rope, accuracy_table, reference
+from ropeode import Problem, Rope, accuracy_table, node_paths, reference
 from ropeode.analysis import error_series
 from ropeode.norms import distance
 from ropeode.simulation import simulate
-from ropeode.study import energy_curves, error_curves
+from ropeode.study import energy_curves, error_curves, parts_of
+from tests.quartic import quartic
 
 
 @pytest.mark.parametrize("norm", [None, "velocity-rms"])
@@ -93,16 +94,18 @@ def test_the_bound_of_an_energy_holds_the_errors_of_the_reference(small_rope):
     assert known.bound[-1] < 1e-4 * known.values[0]
 
 
-@pytest.mark.slow
+def stiffening(t, x, v, args):
+    return -(1.0 + t) * x
+
+
+def of_stiffening(t, y, args):
+    return 0.5 * jnp.sum(y[1] ** 2 + (1.0 + t) * y[0] ** 2)
+
+
 def test_an_energy_that_changes_with_time_is_not_conserved():
     """A spring that grows stiffer, at rest first: nothing but the time changes its energy."""
-    problem = Problem.second_order(
-        lambda t, x, v, args: -(1.0 + t) * x,
-        [1.0],
-        [0.0],
-        np.arange(4.0),
-        energy=lambda t, y, args: 0.5 * jnp.sum(y[1] ** 2 + (1.0 + t) * y[0] ** 2),
-    )
+    times = np.arange(4.0)
+    problem = Problem.second_order(stiffening, [1.0], [0.0], times, energy=of_stiffening)
     assert not energy_curves(problem, ["rk4"], [64]).conserved
 
 
@@ -124,3 +127,39 @@ def test_a_push_between_the_samples_is_no_conservation(duration, met):
     energies = energy_curves(reference(problem), ["rk4"], [64])
     assert not energies.conserved
     assert np.ptp(energies.values) > 1.0
+
+
+@pytest.mark.parametrize(("steps", "parts"), [(16, 8), (11, 1)])
+def test_more_samples_change_no_step(steps, parts, small_rope):
+    """The steps are the same; only the times at which they begin are rounded differently.
+
+    A frame is divided into as many parts as its steps can be shared among, 8 at most; that of a
+    long film into fewer.
+    """
+    found = node_paths(small_rope, ["semi-implicit-euler", "stormer-verlet"], steps)
+    assert (found.samples_per_frame, parts_of(100, steps)) == (parts, min(parts, 2))
+    assert np.array_equal(found.times[::parts], small_rope.ts)
+    for path in found.paths:
+        run = simulate(small_rope, path.stepper, steps)
+        few = path.positions[::parts]
+        assert len(path.positions) == len(found.times) == 3 * parts + 1
+        assert np.allclose(few, run.positions, rtol=1e-12, atol=1e-12 * small_rope.scale)
+        assert path.diverged_at is None
+
+
+def test_frames_of_different_lengths_and_a_norm_of_its_own(small_rope):
+    uneven = small_rope.changed(ts=np.array([0.0, 0.3, 1.0, 2.5]))
+    found = node_paths(uneven, ["rk4"], 8, norm="velocity-rms")
+    assert np.array_equal(found.times[::8], uneven.ts)
+    assert np.all(np.diff(found.times) > 0)
+    run = simulate(found.reference.problem, "rk4", 1)
+    series = error_series(run, found.reference, "velocity-rms")
+    assert np.array_equal(found.paths[0].errors[1:], series.values)
+    assert np.array_equal(found.resolution[1:], series.resolution)
+
+
+def test_diverged_at_is_a_frame_of_the_problem():
+    run = simulate(quartic(), "explicit-euler", 2)
+    (path,) = node_paths(quartic(), ["explicit-euler"], 2).paths
+    assert path.diverged_at == run.diverged_at is not None
+    assert np.all(np.isfinite(path.positions))

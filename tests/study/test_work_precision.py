@@ -1,21 +1,24 @@
-"""What error methods have for what cost: against exact solutions, and counts of calls."""
+"""What error methods have for what cost: against exact solutions, counts of calls, brute force."""
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 import time
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy import optimize
+from hypothesis import given
+from hypothesis import strategies as st
 
 from ropeode import Problem, work_precision
 from ropeode.errors import InputError
 from ropeode.problems import PROBLEMS
 from ropeode.simulation import simulate
 from ropeode.study import INFINITE, as_method
+from ropeode.study.pareto import cost_to_reach, pareto_front
 from tests.exact_reference import exact_reference
 from tests.results import check_result
 
@@ -62,6 +65,11 @@ def test_errors_are_those_of_runs_against_the_exact_solution(study, swing):
 
 
 def test_adaptive_methods_have_a_tolerance_and_it_is_not_their_error(study, swing):
+    """And the seconds of each row are the median of two rounds."""
+    check_result(study)
+    for row in study.rows:
+        assert 0 < row.seconds_min <= row.seconds <= row.seconds_max
+        assert row.seconds == pytest.approx((row.seconds_min + row.seconds_max) / 2)
     for method in ("scipy:DOP853", "diffrax:Tsit5"):
         rows = rows_of(study, method)
         assert [(row.effort, row.dt, row.rtol) for row in rows] == [(r, None, r) for r in RTOL]
@@ -73,28 +81,19 @@ def test_adaptive_methods_have_a_tolerance_and_it_is_not_their_error(study, swin
             assert row.rhs_evaluations > row.steps
 
 
-def test_it_is_a_result_with_the_median_seconds_of_two_rounds(study):
-    check_result(study)
-    for row in study.rows:
-        assert 0 < row.seconds_min <= row.seconds <= row.seconds_max
-        assert row.seconds == pytest.approx((row.seconds_min + row.seconds_max) / 2)
-
-
 @pytest.mark.parametrize(
-    ("name", "jump_times"),
+    "name",
     [
-        ("scipy:DOP853", ()),
-        ("scipy:LSODA", ()),
-        # The last stage of some is the next step's first; where the right-hand side jumps, a solver
-        # starts anew.
-        ("scipy:RK45", (0.7, 2.1)),
-        ("diffrax:Tsit5", (0.7, 2.1)),
-        ("diffrax:Ralston", ()),
-        ("diffrax:Bosh3:constant", ()),
+        *("scipy:DOP853", "scipy:LSODA", "scipy:RK45"),
+        *("diffrax:Tsit5", "diffrax:Ralston", "diffrax:Bosh3:constant"),
     ],
 )
-def test_evaluations_are_those_that_a_right_hand_side_counts(name, jump_times):
-    """Of a pendulum in NumPy; JAX cannot trace `math`."""
+def test_evaluations_are_those_that_a_right_hand_side_counts(name):
+    """Of a pendulum in NumPy; JAX cannot trace `math`.
+
+    The last stage of some methods is the next step's first; where the right-hand side jumps, an
+    adaptive solver starts anew.
+    """
     calls = 0
 
     def pendulum(t, y):
@@ -104,8 +103,9 @@ def test_evaluations_are_those_that_a_right_hand_side_counts(name, jump_times):
 
     problem = Problem.from_scipy(pendulum, (0.0, 4.0), [1.0, 0.2], frames=5)
     assert problem.in_python
-    run = as_method(name).ready(problem.changed(jump_times=jump_times))
     constant = name.endswith("constant")
+    jump_times = () if constant else (0.7, 2.1)
+    run = as_method(name).ready(problem.changed(jump_times=jump_times))
     before = calls
     found = run(28 if constant else 1e-4, np.inf)
     assert found.status == "ok"
@@ -142,65 +142,62 @@ def of_errors(decay, name, *errors_and_calls):
     return solve
 
 
-@pytest.mark.parametrize(
-    ("returned", "words"),
-    [
-        (lambda p: p.y0, "(states, rhs_evaluations)"),
-        (lambda p: (p.y0, 3), "returned states of shape (1,)"),
-        (lambda p: (np.zeros((4, 1)), -3), "-3 evaluations (-3 is below 1)"),
-        (lambda p: (np.zeros((4, 1)) + 1j, 3), "returned states of type complex128"),
-        (lambda p: (np.ma.masked_less(np.zeros((4, 1)), 1), 3), "states that are masked"),
-        (lambda p: ([[1.0], [1.0, 2.0]], 3), "states of different lengths"),
-        (lambda p: [p.y0, 3], "it returned [array"),
-    ],
-)
-def test_a_solve_that_returns_something_else_failed(returned, words, decay):
-    def mine(problem, rtol):
-        return returned(problem)
-
-    (row,) = work_precision(decay, mine, rtol=[1e-3], rounds=1).rows
-    assert row.status == "failed"
-    assert words in row.why
-    assert "\n" not in row.why
+def lost(states):
+    states[2:] = np.nan
+    return states, None
 
 
-def test_runs_that_blow_up_stay_as_rows(decay):
-    def lost(problem, rtol):
-        states = decay.states.copy()
-        states[2:] = np.nan
-        return states, None
+# What a solve makes of the right states, by words of why the run is not used.
+RETURNED = {
+    "(states, rhs_evaluations)": lambda states: states[0],
+    "returned states of shape (1,)": lambda states: (states[0], 3),
+    "-3 evaluations (-3 is below 1)": lambda states: (states, -3),
+    "returned states of type complex128": lambda states: (states + 1j, 3),
+    "states that are masked": lambda states: (np.ma.masked_less(states, 0.5), 3),
+    "states of different lengths": lambda states: ([[1.0], [1.0, 2.0]], 3),
+    "it returned [array": lambda states: [states, 3],
+    "frame 2": lost,
+}
 
-    found = work_precision(decay, ["explicit-euler", lost], steps_per_frame=[3], rtol=[0.1])
-    euler, own = found.rows
-    assert euler.status == own.status == "diverged"
-    assert "frame 2" in own.why
-    assert own.error_max is None
-    assert own.rhs_evaluations is None
+
+def test_runs_that_return_something_else_or_blow_up_stay_as_rows(decay):
+    def solving(name, returned):
+        def solve(problem, rtol):
+            return returned(decay.states.copy())
+
+        solve.__name__ = name
+        return solve
+
+    methods = [solving(f"own{n}", each) for n, each in enumerate(RETURNED.values())]
+    methods.append("explicit-euler")
+    found = work_precision(decay, methods, steps_per_frame=[3], rtol=[0.1], rounds=1)
+    *own, euler = found.rows
+    for row, words in zip(own, RETURNED, strict=True):
+        assert row.status == ("diverged" if words == "frame 2" else "failed")
+        assert words in row.why
+        assert "\n" not in row.why
+        assert row.error_max is row.rhs_evaluations is None
+    assert euler.status == "diverged"
     assert euler.seconds is not None
     assert found.front("seconds") == ()
 
 
-def test_errors_larger_than_twice_the_motion_are_unstable(decay):
-    methods = [of_errors(decay, "off", (1.0, 10)), of_errors(decay, "far", (2.5, 9))]
+def test_errors_beyond_the_motion_and_below_the_resolution_are_marked(decay):
+    sizes = {"off": (1.0, 10), "far": (2.5, 9), "close": (0.5e-13, 10)}
+    methods = [of_errors(decay, name, each) for name, each in sizes.items()]
     found = work_precision(decay, methods, rtol=TOLERANCES[:1], rounds=1)
-    assert [row.status for row in found.rows] == ["ok", "unstable"]
-    assert found.rows[1].error_max == pytest.approx(2.5)
-    # It is certified to be useless.
-    assert found.front("rhs_evaluations") == found.rows[:1]
-    assert found.costs_to_reach(3.0, "rhs_evaluations")[1].cost is None
-
-
-def test_errors_below_the_resolution_are_no_numbers(decay):
-    close = of_errors(decay, "close", (0.5e-13, 10))
-    found = work_precision(decay, close, rtol=TOLERANCES[:1], rounds=1)
-    (row,) = found.rows
+    _, far, close = found.rows
+    assert [row.status for row in found.rows] == ["ok", "unstable", "ok"]
+    assert far.error_max == pytest.approx(2.5)
     assert found.resolution == pytest.approx(1e-13)
-    assert (row.status, row.resolved) == ("ok", False)
-    assert row.error_max is row.error_final is row.error_rms is row.error_over_tolerance is None
-    # It is known to be below the resolution, and no more.
-    (coarse,) = found.costs_to_reach(1e-2, "rhs_evaluations")
-    assert (coarse.cost, coarse.at_most) == (10.0, True)
-    assert found.costs_to_reach(0.99e-13, "rhs_evaluations")[0].cost is None
+    assert not close.resolved
+    assert close.error_max is close.error_final is close.error_rms is None
+    assert close.error_over_tolerance is None
+    # What is unstable is on no front and reaches nothing; the other is below the resolution.
+    assert found.front("rhs_evaluations") == ()
+    _, far, close = found.costs_to_reach(3.0, "rhs_evaluations")
+    assert (far.cost, close.cost, close.at_most) == (None, 10.0, True)
+    assert found.costs_to_reach(0.99e-13, "rhs_evaluations")[2].cost is None
 
 
 def test_an_unresolved_run_beats_certified_ones_that_cost_more(decay):
@@ -223,10 +220,10 @@ def test_an_unresolved_run_beats_certified_ones_that_cost_more(decay):
 
 def test_costs_and_measures_that_do_not_exist(study, decay):
     for asked in (study.front, lambda *named: study.costs_to_reach(1e-3, *named)):
-        for axes, faults in ((("time",), 1), (("steps", "error"), 1), (("x", "y"), 2)):
-            with pytest.raises(InputError) as caught:
+        for axes in (("time",), ("steps", "error"), ("x", "y")):
+            with pytest.raises(InputError, match="which does not exist") as caught:
                 asked(*axes)
-            assert len(caught.value.problems) == faults
+            assert len(caught.value.problems) == 1 + (axes == ("x", "y"))
     # No energy is no unresolved error.
     found = work_precision(decay, "rk4", steps_per_frame=[700], rounds=1)
     assert found.rows[0].energy_error is None
@@ -237,13 +234,12 @@ def test_costs_and_measures_that_do_not_exist(study, decay):
 def test_an_energy_that_is_not_finite_is_no_small_error():
     """A logarithm of what must stay above zero, and does not in a coarse run."""
 
-    def rhs(t, y, args):
-        return -y
-
-    def energy(t, y, args):
-        return jnp.log(y[0]) + t
-
-    problem = Problem(rhs, [1.0], np.arange(3.0), energy=energy)
+    problem = Problem(
+        lambda t, y, args: -y,
+        [1.0],
+        np.arange(3.0),
+        energy=lambda t, y, args: jnp.log(y[0]) + t,
+    )
     truth = exact_reference(problem, np.exp(-problem.ts)[:, None])
 
     def below_zero(problem, rtol):
@@ -256,55 +252,47 @@ def test_an_energy_that_is_not_finite_is_no_small_error():
 
 
 def test_a_run_that_fails_is_kept_as_failed_beside_the_others(decay):
-    """The first time, or when it is timed."""
-    calls = []
+    """The first time, or when it is timed, or when it shows how long a step takes."""
+    calls, bad_at = [], {1e-4: 3, 1e-5: 2, 1e-6: 1}
 
     def later(problem, rtol):
         calls.append(rtol)
-        if (calls.count(rtol), rtol) in ((3, 1e-4), (1, 1e-6)):
+        bad = calls.count(rtol) == bad_at.get(rtol)
+        if bad and rtol != 1e-5:
             raise OSError("out of\nfiles")
         states = decay.states + rtol * (problem.ts > 0.0)[:, None]
-        return (states * np.nan if (calls.count(rtol), rtol) == (2, 1e-5) else states), 10
+        return (states * np.nan if bad else states), 10
 
-    rtol = [1e-3, 1e-4, 1e-5, 1e-6, 1e-7]
-    found = work_precision(decay, [later, "rk4"], rtol=rtol, steps_per_frame=[700])
-    first, *lost, last, rk4 = found.rows
-    assert [row.status for row in lost] == ["failed", "diverged", "failed"]
-    for row, why in zip(
-        lost,
-        (
-            "when it ran again, later: it raised OSError: out of files",
-            "when it ran again, its state is not finite at frame 0",
-            "later: it raised OSError: out of files",
-        ),
-        strict=True,
-    ):
-        assert row.why.startswith(why)
-        assert row.error_max is row.energy_error is None
-        assert not row.resolved
-    assert lost[0].seconds is lost[2].seconds is None
-    for row in (first, last, rk4):
-        assert row.status == "ok"
-        assert row.seconds is not None
-
-
-def test_the_run_that_shows_how_long_a_step_takes_may_fail(decay):
     def picky(rhs, t, y, dt, args):
         if float(dt) > 1.0 / 64.0:
             raise ArithmeticError("dt is too large")
         return y + dt * np.asarray(rhs(t, y, args))
 
-    (row,) = work_precision(decay, [picky], steps_per_frame=[128], rounds=1).rows
-    assert row.status == "ok"
+    rtol = [1e-3, 1e-4, 1e-5, 1e-6, 1e-7]
+    found = work_precision(decay, [later, picky], rtol=rtol, steps_per_frame=[128])
+    first, *lost, last, own_step = found.rows
+    assert [row.status for row in lost] == ["failed", "diverged", "failed"]
+    reasons = (
+        "when it ran again, later: it raised OSError: out of files",
+        "when it ran again, its state is not finite at frame 0",
+        "later: it raised OSError: out of files",
+    )
+    for row, why in zip(lost, reasons, strict=True):
+        assert row.why.startswith(why)
+        assert row.error_max is row.energy_error is None
+        assert not row.resolved
+    assert lost[0].seconds is lost[2].seconds is None
+    for row in (first, last, own_step):
+        assert row.status == "ok"
+        assert row.seconds is not None
 
 
 def test_a_right_hand_side_that_raises_fails_single_runs():
     """Outside of its domain, which coarse runs leave."""
 
-    def root(t, y):
-        return np.array([-math.sqrt(y[0])])
-
-    problem = Problem.from_scipy(root, (0.0, 1.9), [1.0], frames=5)
+    problem = Problem.from_scipy(
+        lambda t, y: np.array([-math.sqrt(y[0])]), (0.0, 1.9), [1.0], frames=5
+    )
     truth = exact_reference(problem, ((1.0 - problem.ts / 2.0) ** 2)[:, None])
     methods = ["rk4", "diffrax:Tsit5", "scipy:RK45"]
     found = work_precision(truth, methods, steps_per_frame=[1, 16], rtol=[0.1, 1e-8], rounds=1)
@@ -315,20 +303,16 @@ def test_a_right_hand_side_that_raises_fails_single_runs():
 def test_a_jacobian_that_is_not_finite_fails_one_method():
     """SciPy raises where it is inverted."""
 
-    def rhs(t, y, args):
-        return jnp.sqrt(y) + 1.0
-
-    problem = Problem(rhs, [0.0], np.arange(3.0), name="tank")
-    # In u = sqrt(y): t = 2 u - 2 log(1 + u).
-    u = [optimize.brentq(lambda u, t=t: 2 * u - 2 * math.log1p(u) - t, 0, 9) for t in problem.ts]
-    truth = exact_reference(problem, np.square(u)[:, None])
+    signs = np.array([1.0, -1.0])
+    problem = Problem(lambda t, y, args: signs * jnp.sqrt(y * y), [0.0, 1.0], np.arange(3.0))
+    truth = exact_reference(problem, np.exp(-problem.ts)[:, None] * np.array([0.0, 1.0]))
     found = work_precision(truth, ["scipy:Radau", "scipy:RK45"], rtol=[1e-6], rounds=1)
     radau, rk45 = found.rows
     assert (radau.status, rk45.status) == ("failed", "ok")
     assert "array must not contain infs or NaNs" in radau.why
 
 
-def test_runs_above_the_limit_are_marked_and_not_waited_for(decay):
+def test_runs_above_the_limit_are_marked_and_not_waited_for(decay, swing):
     """A function may call a program of its own, whose time is not this process's."""
 
     def slow(problem, rtol):
@@ -341,12 +325,10 @@ def test_runs_above_the_limit_are_marked_and_not_waited_for(decay):
     assert found.rows[0].seconds_min > 0.09
     assert "would take about" in found.rows[1].why
     assert found.rows[1].seconds is None
-
-
-def test_what_would_take_for_ever_is_not_run_and_adaptive_solvers_stop(swing):
     steps = [10**5, 10**13]
     found = work_precision(swing, "explicit-euler", steps_per_frame=steps, rounds=1)
     assert [row.status for row in found.rows] == ["ok", "time limit"]
+    # An adaptive solver stops by itself.
     (row,) = work_precision(swing, "scipy:RK45", rtol=[1e-9], run_limit=1e-9, rounds=1).rows
     assert row.status == "time limit"
     assert "its time was up" in row.why
@@ -357,8 +339,7 @@ def test_only_what_is_inside_the_trust_horizon_is_solved(swing):
     certificate = dataclasses.replace(swing.certificate, trusted=4, horizon=4.0)
     cut = dataclasses.replace(swing, certificate=certificate)
     found = work_precision(cut, ["rk4"], steps_per_frame=[7], rounds=1)
-    assert found.problem.frames == 3
-    assert found.rows[0].steps == 21
+    assert (found.problem.frames, found.rows[0].steps) == (3, 21)
 
 
 def test_defaults_are_those_that_can_run(decay):
@@ -370,25 +351,60 @@ def test_defaults_are_those_that_can_run(decay):
 
 def test_what_names_mean(tmp_path):
     import diffrax
-    import scipy.integrate
 
     names = "def solve(problem, rtol): return problem.y0, 1\n"
     names += "def step(rhs, t, y, dt, args): return y + dt * rhs(t, y, args)\n"
     (tmp_path / "mine.py").write_text(names)
-    meant = {
-        "diffrax:Kvaerno5": (True, "adaptive implicit"),
-        "diffrax:Tsit5:constant": (False, "diffrax"),
+    for name, adaptive, family in (
+        ("diffrax:Kvaerno5", True, "adaptive implicit"),
+        ("diffrax:Tsit5:constant", False, "diffrax"),
         # It has no estimate of its error.
-        "diffrax:Euler": (False, "diffrax"),
-        "scipy:RK45": (True, "adaptive explicit"),
-        "scipy:RK45:constant": (False, "SciPy"),
-        "mine.py:solve": (True, "your own"),
-        "mine.py:step": (False, "your own"),
-    }
-    for name, (adaptive, family) in meant.items():
+        ("diffrax:Euler", False, "diffrax"),
+        ("scipy:RK45", True, "adaptive explicit"),
+        ("mine.py:solve", True, "your own"),
+        ("mine.py:step", False, "your own"),
+    ):
         method = as_method(name, tmp_path)
         assert (method.label, method.adaptive, method.family) == (name, adaptive, family)
     assert as_method(diffrax.Tsit5) == as_method("diffrax:Tsit5")
-    assert as_method(scipy.integrate.RK45) == as_method("scipy:RK45")
     # An object has options of its own, which a name does not say.
     assert not as_method(diffrax.Tsit5()).adaptive
+
+
+# Few different values, so that many points are equal in one of the two.
+NUMBERS = st.sampled_from([0.5, 1.0, 2.0, 3.0, 7.0]) | st.floats(1e-12, 1e6)
+POINTS = st.lists(st.tuples(NUMBERS, NUMBERS), max_size=12)
+
+
+def beats(a, b):
+    return a[0] <= b[0] and a[1] <= b[1] and a != b
+
+
+@given(POINTS)
+def test_the_front_is_what_no_point_beats(points):
+    front = pareto_front(points)
+    unbeaten = {point for point in points if not any(beats(other, point) for other in points)}
+    assert {points[i] for i in front} == unbeaten
+    assert len(front) == len(unbeaten)
+    costs = [points[i][0] for i in front]
+    assert costs == sorted(costs)
+    assert all(points.index(points[i]) == i for i in front)
+
+
+@given(st.lists(st.none() | st.tuples(NUMBERS, NUMBERS), max_size=8), NUMBERS)
+def test_nothing_is_extrapolated(points, error):
+    """The least of all costs that one can read from the picture by brute force."""
+    known = [point for point in points if point is not None]
+    found = cost_to_reach(error, points)
+    if not any(each <= error for _, each in known):
+        assert found is None
+        return
+    candidates = [cost for cost, each in known if each <= error]
+    for a, b in itertools.pairwise(points):
+        if a is None or b is None or not min(a[1], b[1]) < error < max(a[1], b[1]):
+            continue
+        slope = math.log(b[0] / a[0]) / math.log(b[1] / a[1])
+        candidates.append(a[0] * (error / a[1]) ** slope)
+    assert found is not None
+    assert found.cost == pytest.approx(min(candidates), rel=1e-9)
+    assert min(cost for cost, _ in known) * (1 - 1e-9) <= found.cost

@@ -59,40 +59,20 @@ def small(folder):
     return spec, rows_of(spec, folder)
 
 
-@pytest.fixture(scope="module")
-def alone(small):
-    """References of the problems, each computed alone, without a sweep."""
-    spec, _ = small
-    problems = {case.problem_key: PROBLEMS["rope"](**case.parameters) for case in spec.cases()}
-    ensembles = {key: Ensemble.of([problem]) for key, problem in problems.items()}
-    return {key: next(each_reference(each)) for key, each in ensembles.items()}
-
-
 OF_THE_TABLE = (
     *("status", "dt", "diverged_at", "error_final", "error_max", "error_rms"),
     *("resolved", "resolution", "round_off", "rhs_evaluations"),
 )
 
 
-def order_columns(of_table, dt_of_one):
-    """An observed order as columns, with step sizes as numbers of steps."""
-    order = of_table.order
-    low, high = order.ci95 or (None, None)
-    used = sorted(round(dt_of_one / dt) for dt in order.used)
-    return {
-        "observed_order": order.observed,
-        "order_low": low,
-        "order_high": high,
-        "order_verdict": order.verdict,
-        "order_why": order.why,
-        "order_used": ", ".join(map(str, used)),
-        "expected_order": of_table.expected,
-    }
+def test_rows_are_what_the_functions_say_one_by_one(small):
+    """Those of the accuracy table, of motion and of stability; in columns of their types.
 
-
-def test_rows_are_what_the_functions_say_one_by_one(small, alone):
-    """Those of the accuracy table, of motion and of stability; in columns of their types."""
+    The reference of each problem is computed alone, without a sweep.
+    """
     spec, rows = small
+    problems = {case.problem_key: PROBLEMS["rope"](**case.parameters) for case in spec.cases()}
+    alone = {key: next(each_reference(Ensemble.of([it]))) for key, it in problems.items()}
     types = {"string": str, "int64": int, "double": float, "bool": bool}
     for case, row in zip(spec.cases(), rows, strict=True):
         assert {*row, "seconds"} == set(spec.columns)
@@ -105,10 +85,21 @@ def test_rows_are_what_the_functions_say_one_by_one(small, alone):
         table = accuracy_table(own, [case.stepper], ladder)
         moved = classify_motion(simulate(own.problem, case.stepper, n))
         limit = stability_limit(own.problem, case.stepper)
+        (of_stepper,) = table.orders
+        order = of_stepper.order
+        low, high = order.ci95 or (None, None)
+        # Step sizes are numbers of steps.
+        used = sorted(round(row["dt"] * n / dt) for dt in order.used)
         expected = {
             **case.inputs(),
             **{name: getattr(table.rows[0], name) for name in OF_THE_TABLE},
-            **order_columns(table.orders[0], row["dt"] * n),
+            "observed_order": order.observed,
+            "order_low": low,
+            "order_high": high,
+            "order_verdict": order.verdict,
+            "order_why": order.why,
+            "order_used": ", ".join(map(str, used)),
+            "expected_order": of_stepper.expected,
             "motion": moved.verdict,
             "swings": moved.swings,
             "settled_at": moved.settled_at,
@@ -120,7 +111,7 @@ def test_rows_are_what_the_functions_say_one_by_one(small, alone):
         }
         assert {name: row[name] for name in expected} == expected
         reasons = [each.partition(": ")[0] for each in row["order_left_out"].split("; ")]
-        assert {*reasons} - {""} == {each.reason for each in table.orders[0].order.left_out}
+        assert {*reasons} - {""} == {each.reason for each in order.left_out}
         assert (row["reason"] is None) == (limit is not None)
     assert {"diverges", "never_settles"} <= {row["motion"] for row in rows}
 
@@ -158,8 +149,8 @@ def test_a_reference_is_made_once_and_again_where_it_is_damaged(small, folder, t
     paths = {path.stem: path for path in tmp_path.glob("references/*/*.npz")}
     path = paths[first.problem_key]
     whole, other = path.read_bytes(), paths[last.problem_key].read_bytes()
-    middle = len(whole) // 2
-    changed = whole[:middle] + bytes([whole[middle] ^ 1]) + whole[middle + 1 :]
+    changed = bytearray(whole)
+    changed[len(whole) // 2] ^= 1
     for harmed in (whole[:-100], other, changed):
         path.write_bytes(harmed)
         assert evaluate(task._replace(cases=(first,)), tmp_path) == rows[:1]
@@ -173,8 +164,7 @@ def test_a_huge_sweep_keeps_no_references(small, tmp_path):
     assert evaluate(one, tmp_path) == rows[:1]
     assert not list(tmp_path.iterdir())
     many = SweepSpec({**VALUES, "random": {**VALUES["random"], "count": 100_000}})
-    kept = [next(each.cases()).settings.keep_references for each in (spec, many)]
-    assert kept == [True, False]
+    assert [next(each.cases()).settings.keep_references for each in (spec, many)] == [True, False]
 
 
 EXPLODING = """
@@ -190,18 +180,16 @@ def test_no_reference_and_a_run_that_diverges_are_rows(folder, tmp_path):
     spec = SweepSpec({**values, "steppers": ["rk4", "steps.py:step"]}, tmp_path)
     rows = rows_of(spec, folder)
     missing = ("error_max", "resolved", "observed_order", "order_verdict", "reference")
+    # In a run of the second factor, at t = 3 or at t = 2.
+    at = {("steps.py:step", 1): 4, ("steps.py:step", 2): 3}
     for row in rows:
         assert {row[name] for name in missing} == {None}
-        said, at = "no reference for 'rope': ", row["diverged_at"]
-        if row["stepper"] == "rk4":
-            assert (row["status"], at) == ("no-reference", None)
-            assert row["motion"] is not None
-        else:
-            # With the second factor, at t = 3 or at t = 2.
-            assert (row["status"], row["motion"]) == ("diverged", "diverges")
-            assert at == (4 if row["steps_per_frame"] == 1 else 3)
-            said = f"no longer finite at frame {at}; {said}"
-        assert row["reason"].startswith(said)
+        ended = at.get((row["stepper"], row["steps_per_frame"]))
+        status = "no-reference" if ended is None else "diverged"
+        assert (row["status"], row["diverged_at"]) == (status, ended)
+        assert row["motion"] is not None if ended is None else row["motion"] == "diverges"
+        before = "" if ended is None else f"no longer finite at frame {ended}; "
+        assert row["reason"].startswith(f"{before}no reference for 'rope': ")
     # A refusal is kept like a reference.
     assert made_once(spec, rows, folder)
 
@@ -238,15 +226,7 @@ def test_what_a_stepper_raises_while_it_runs_is_the_reason(folder, tmp_path):
     assert evaluate(task, folder, seconds=1e-9) == rows[:2]
 
 
-@pytest.mark.parametrize(
-    ("changed", "words"),
-    [
-        ("own.py", "problem: .* has been changed since the sweep was started"),
-        ("steps.py", "stepper: .* allowed: the same file in all processes"),
-        (None, "worker: it has jax .* and not 0.0.1; allowed: "),
-    ],
-)
-def test_what_is_not_what_the_keys_were_made_with(changed, words, folder, tmp_path):
+def test_what_is_not_what_the_keys_were_made_with(folder, tmp_path):
     """A user's file that changes meanwhile, and other software."""
     texts = {
         "own.py": Path("docs/examples/pendulum.py").read_text(),
@@ -256,9 +236,13 @@ def test_what_is_not_what_the_keys_were_made_with(changed, words, folder, tmp_pa
     for name, text in texts.items():
         (tmp_path / name).write_text(text)
     (task,) = read_sweep(tmp_path / "sweep.toml").tasks()
-    if changed:
-        (tmp_path / changed).write_text(texts[changed] + "# changed\n")
-    else:
-        task = with_settings(task, software={**task.cases[0].settings.software, "jax": "0.0.1"})
-    with pytest.raises(InputError, match=f"^{words}"):
-        evaluate(task, folder)
+    software = {**task.cases[0].settings.software, "jax": "0.0.1"}
+    with pytest.raises(InputError, match="^worker: it has jax .* and not 0.0.1; allowed: "):
+        evaluate(with_settings(task, software=software), folder)
+    for name, words in (
+        ("steps.py", "stepper: .* allowed: the same file in all processes"),
+        ("own.py", "problem: .* has been changed since the sweep was started"),
+    ):
+        (tmp_path / name).write_text(texts[name] + "# changed\n")
+        with pytest.raises(InputError, match=f"^{words}"):
+            evaluate(task, folder)

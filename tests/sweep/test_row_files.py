@@ -8,7 +8,6 @@ import os
 import shutil
 from pathlib import Path
 from unittest import mock
-from unittest.mock import DEFAULT
 
 import pyarrow.parquet as pq
 import pytest
@@ -36,9 +35,7 @@ def test_rows_come_back_as_they_were_and_in_few_files(tmp_path, monkeypatch):
     made, tasks = [], Sweep.tasks
 
     def counted(sweep, first=0):
-        for task in tasks(sweep, first):
-            made.append(task.number)
-            yield task
+        yield from (made.append(task.number) or task for task in tasks(sweep, first))
 
     monkeypatch.setattr(Sweep, "tasks", counted)
     compute(sweep, tmp_path)
@@ -50,16 +47,34 @@ class Killed(BaseException):
     """Nothing that runs after this can be seen on disk."""
 
 
-@given(when=st.lists(st.integers(0, 45), max_size=6), skip=st.integers(0, 1))
+def with_bad_rows(bad):
+    """Computes tasks; some cases have a status instead of results."""
+    return lambda task: [row(case) | bad.get(case.number, {}) for case in task.cases]
+
+
+LATE, DEAD = {"status": "timed-out", "seconds": 2.0}, {"status": "worker-died", "seconds": None}
+# In a merged partition; and in an open one, with some and with none to keep of a file.
+BAD = {0: LATE, 3: DEAD, **dict.fromkeys((20, 24, 25, 26), LATE)}
+
+
+@given(when=st.lists(st.integers(0, 60), max_size=6), skip=st.integers(0, 1))
 @settings(deadline=None, max_examples=5)
 def test_a_run_killed_at_any_write_goes_on_and_ends_with_the_same_files(
     tmp_path_factory, when, skip
 ):
-    """Each change of the disk is a place to die: before it, or right after it."""
+    """Each change of the disk is a place to die: before it, or right after it.
+
+    Also where cases without results are to be tried again.
+    """
     sweep = Sweep(count=27)
     undisturbed = tmp_path_factory.mktemp("undisturbed")
     compute(sweep, undisturbed)
     folder = tmp_path_factory.mktemp("killed")
+    store = Store(folder, COLUMNS, partition_size=5)
+    for task in sweep.tasks():
+        rows = with_bad_rows(BAD)(task)
+        store.add(store.partition_of(task), store.table(task.cases, rows))
+    store.seal(0)
 
     def dying(real, left):
         def call(*args, **named):
@@ -73,21 +88,22 @@ def test_a_run_killed_at_any_write_goes_on_and_ends_with_the_same_files(
 
         return call
 
+    changes = [(os, name) for name in ("replace", "fsync", "rmdir", "unlink")]
+    changes += [(Path, name) for name in ("unlink", "mkdir")]
     for moment in when:
         left = [moment]
-        before = {each["key"] for each in stored(folder)}
+        before = {each["key"] for each in stored(folder) if each["status"] == "ok"}
         with contextlib.ExitStack() as stack:
-            for where, name in (
-                *((os, name) for name in ("replace", "fsync", "rmdir", "unlink")),
-                *((Path, name) for name in ("unlink", "mkdir")),
-            ):
+            for where, name in changes:
                 real = getattr(where, name)
                 stack.enter_context(mock.patch.object(where, name, dying(real, left)))
             with contextlib.suppress(Killed):
+                store.reopen(3.0, died=True)
                 compute(sweep, folder)
         there = [each["key"] for each in stored(folder)]
         assert len(there) == len(set(there)), "a row is there twice"
         assert before <= set(there), "a row that was there is gone"
+    store.reopen(3.0, died=True)
     compute(sweep, folder)
     assert files(folder) == files(undisturbed)
     shutil.rmtree(folder)
@@ -121,52 +137,25 @@ def test_a_damaged_file_is_named(tmp_path):
 
 
 def test_rows_of_many_files_are_summed_up(tmp_path):
-    work = Rows(does={2: "raise", 46: "raise"})
-    compute(Sweep(count=47), tmp_path / "rows-1", work)
+    compute(Sweep(count=47), tmp_path / "rows-1", Rows(does={2: "raise", 46: "raise"}))
     index = {"spec": {}, "software": {}, "count": 50, "columns": COLUMNS, "rows": "rows-1"}
     (tmp_path / "index.json").write_text(json.dumps({"format": 1, **index}))
     summary = summarize(tmp_path)
-    assert (summary.done, summary.total) == (47, 50)
-    assert dict(summary.statuses) == {"ok": 45, "failed": 2}
+    assert (summary.done, summary.total, summary.statuses) == (47, 50, {"ok": 45, "failed": 2})
     own = summary.steppers["rk4"]
     assert own.ranges == {"error_max": (1 / 48, 1 / 3)}
-    assert dict(own.counts["resolved"]) == {False: 16, True: 29}
+    assert own.counts["resolved"] == {False: 16, True: 29}
     assert summary.reasons == {("failed", f"ArithmeticError: number {n}"): 1 for n in (2, 46)}
 
 
-@pytest.mark.parametrize(("count", "again"), [(5, 2), (47, 4)])
-def test_cases_with_a_shorter_limit_are_tried_again(tmp_path, monkeypatch, count, again):
-    """In a merged partition, and in the files of an open one; and if that is killed midway.
-
-    So are those that killed their process, where that is asked for.
-    """
-    late = {0: 2.0, 1: 2.0, 2: 2.0, 6: 9.0, 40: 2.0}
-    unlucky = {n: {"status": "timed-out", "seconds": late[n]} for n in late}
-    unlucky[3] = {"status": "worker-died", "seconds": None}
-
-    def work(task):
-        return [row(case) | unlucky.get(case.number, {}) for case in task.cases]
-
-    folder, sweep = tmp_path / "rows", Sweep(count=count)
-    store = Store(folder, COLUMNS, partition_size=5)
-    if count == 5:
-        # The second task is not done.
-        task = next(sweep.tasks())
-        store.add(0, store.table(task.cases[1:], work(task)[1:]))
-    else:
-        compute(sweep, folder, work)
-    before = store.count()
-    store.reopen(2.0, died=False)
-    assert store.count() == before
-    with monkeypatch.context() as patch:
-        patch.setattr(Path, "unlink", mock.Mock(side_effect=KeyboardInterrupt))
-        replaced = mock.Mock(side_effect=[DEFAULT, KeyboardInterrupt], wraps=os.replace)
-        patch.setattr(os, "replace", replaced)
-        with pytest.raises(KeyboardInterrupt):
-            store.reopen(3.0, died=True)
-    for limit, died, left in ((3.0, False, before - again), (0.0, True, before - again - 1)):
+def test_cases_with_a_shorter_limit_are_tried_again(tmp_path):
+    """So are those that killed their process, where that is asked for."""
+    bad = {0: LATE, 3: DEAD, 6: {**LATE, "seconds": 9.0}}
+    store = Store(tmp_path, COLUMNS, partition_size=5)
+    compute(Sweep(count=8), tmp_path, with_bad_rows(bad))
+    for limit, died, left in ((2.0, False, 8), (3.0, False, 7), (0.0, True, 6)):
         store.reopen(limit, died=died)
         assert store.count() == left
-    compute(sweep, folder)
-    kept = [each["status"] for each in stored(folder)]
-    assert kept == ["timed-out" if n == 6 else "ok" for n in range(count)]
+    compute(Sweep(count=8), tmp_path)
+    kept = [each["status"] for each in stored(tmp_path)]
+    assert kept == ["timed-out" if n == 6 else "ok" for n in range(8)]
