@@ -3,73 +3,55 @@
 from __future__ import annotations
 
 import dataclasses
+import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from ropeode.analysis import REASONS, UNRESOLVED, UNSTABLE, LeftOut, ObservedOrder
 from ropeode.norms import NORMS
 from ropeode.problems import Problem
 from ropeode.study import (
     AccuracyTable,
-    Curve,
     EnergyCurves,
     ErrorCurves,
     Explanation,
     NodePath,
     NodePaths,
-    StepperOrder,
     WorkPrecision,
 )
-from ropeode.study.error_constant import ErrorConstant
 from ropeode.sweep import COLUMNS
 from ropeode.theory import Spectrum, StabilityFunction, stability_region
-from tests.quartic import HOSTILE, quartic
-from tests.render.made_up import (
-    explanation,
-    problem,
-    reference,
-    table_of,
-    table_row,
-    work_of,
-    work_precision,
-    work_row,
-)
+from tests.quartic import quartic
+from tests.render.made_up import MADE_UP, made, problem, reference, table_of
+
+DATA = json.loads(Path(__file__).with_suffix(".json").read_text())
+KINDS = {
+    "every-reason": AccuracyTable,
+    "no-order": AccuracyTable,
+    "still": AccuracyTable,
+    "errors": ErrorCurves,
+    "errors-in-one-panel": ErrorCurves,
+    "energies": EnergyCurves,
+    "gap": WorkPrecision,
+    "work": WorkPrecision,
+}
 
 
-def order_of(stepper, observed, used, left_out) -> StepperOrder:
-    around = observed and (observed - 0.0625, observed + 0.0625)
-    verdict = "converges" if observed else "undetermined"
-    found = ObservedOrder(observed, around, verdict, tuple(used), tuple(left_out))
-    return StepperOrder(stepper, 2, found, True, None)
+def study(name: str) -> Any:
+    """The study of this name in `studies.json`.
 
-
-def every_reason() -> AccuracyTable:
-    """Runs that are left out for each reason, beside a stepper of order 4 with a prediction."""
-    name = "stormer-verlet:start=rest,damping=per-step"
-    reasons = dict(zip((1, 2, 4, 64, 128, 256, 512), (UNSTABLE, *REASONS), strict=True))
-    errors = dict(zip(reasons, (None, 1e9, None, None, 1e-9, 0.05, 1e-5), strict=True))
-    status = {1: {"status": "diverged", "diverged_at": 2}, 4: {"status": "unsolved"}}
-    used = (8, 16, 32)
-    rows = [
-        table_row(name, steps, errors.get(steps, 1.1 * steps**-2.0), **status.get(steps, {}))
-        for steps in sorted((*reasons, *used))
-    ]
-    rows += [table_row("rk4", steps, 1.1 * steps**-4.0) for steps in used]
-    left_out = [LeftOut(1 / steps, reason) for steps, reason in reasons.items()]
-    dts = [1 / steps for steps in used]
-    fourth = order_of("rk4", 4.0, dts, ())
-    known = ErrorConstant(order=4, predicted_at=np.array([1.0, 1.2]), why=None, measured_at={})
-    return table_of(
-        rows,
-        [order_of(name, 2.0, dts, left_out), dataclasses.replace(fourth, constant=known)],
-    )
+    `every-reason` leaves out runs for each reason, beside a stepper of order 4 with a prediction;
+    all is known of a rope that hangs `still`, and zero is on no logarithmic axis. The curves are
+    unresolved at first, leave the axis and diverge. In a `gap` a run failed, so nothing is drawn.
+    """
+    return made(KINDS[name], DATA[name])
 
 
 def all_twice() -> AccuracyTable:
-    """The same with steppers of which each two do the same."""
-    table = every_reason()
+    """Runs left out for every reason, by steppers of which each two do the same."""
+    table = study("every-reason")
 
     def twice(each):
         return (*each, *(dataclasses.replace(one, stepper=f"{one.stepper}:b") for one in each))
@@ -77,104 +59,14 @@ def all_twice() -> AccuracyTable:
     return table_of(twice(table.rows), twice(table.orders))
 
 
-def no_order(*steps, **more) -> AccuracyTable:
-    """Two steppers with too few runs; those of the second are not resolved."""
-    rows = [table_row("a", each, 1 / each, **more) for each in steps]
-    rows += [table_row("b", each, None, **more) for each in steps]
-    few = [LeftOut(1 / each, REASONS[-1]) for each in steps]
-    unresolved = [LeftOut(1 / each, UNRESOLVED) for each in steps]
-    return table_of(rows, [order_of("a", None, (), few), order_of("b", None, (), unresolved)])
-
-
-def still() -> AccuracyTable:
-    """Of a rope that hangs still, of which all is known: zero is on no logarithmic axis."""
-    return no_order(4, 8, resolution=0.0)
-
-
-TIMES = np.arange(7) / 2
-BOUND = 1e-13 * 4.0 ** np.arange(7)
-
-
-def curve(stepper, steps, values, start=1, **more) -> Curve:
-    values = np.array(values)
-    times = TIMES[start : start + len(values)]
-    label = f"{steps} steps/frame"
-    return Curve(stepper, label, 1 / steps, times, values, steps_per_frame=steps, **more)
-
-
-def error_curves(*curves, **more) -> ErrorCurves:
-    known: dict[str, Any] = {
-        "problem": problem(),
-        "reference": reference(),
-        "norm": NORMS["position-max"],
-        "motion": 2.0,
-        "times": TIMES[1:],
-        "bound": BOUND[1:],
-        "resolution": 10 * BOUND[1:],
-    }
-    return ErrorCurves(**{**known, **more}, curves=curves)
-
-
-SMALL = (1e-14, 1e-12, 1e-10, 2e-10, 3e-10, 4e-10)
-LARGE = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
-
-
-def errors() -> ErrorCurves:
-    """Unresolved at first; off the axis and diverged; beside a prediction."""
-    predicted = {"predicted": 1.1 * np.array(LARGE)}
-    return error_curves(
-        curve("rk4", 16, 1e4 * np.array(SMALL)),
-        curve("rk4", 64, SMALL),
-        curve("explicit-euler", 16, [0.1, 1.0, 10.0, 1e3], diverged_at=2.5, status="diverged"),
-        curve("explicit-euler", 64, LARGE, **predicted),
-    )
-
-
 def errors_in_one_panel() -> ErrorCurves:
     """One run of each stepper, of a problem without units and with a hostile name."""
-    return error_curves(
-        curve("implicit-euler", 16, LARGE[:3], diverged_at=2.0, status="unsolved"),
-        curve("rk4", 16, SMALL),
-        problem=quartic(),
-    )
-
-
-def energies() -> EnergyCurves:
-    """Too much and too little, unresolved at first; and one that blew up."""
-    sizes = np.array([0.0, 1e-14, 1e-6, -1e-5, 2e-5, -4e-5, 5e-5])
-    curves = (
-        curve("rk4", 16, 1.0 + sizes, 0),
-        curve("rk4", 64, 1.0 - sizes / 16, 0),
-        curve("explicit-euler", 16, [1.0, 2.0, 0.5, 1e30], 0, diverged_at=2.0, status="diverged"),
-    )
-    return EnergyCurves(problem(), reference(), False, TIMES, np.ones(7), BOUND, curves)
-
-
-def work() -> WorkPrecision:
-    """Certified, unresolved, unstable, diverged and failed runs, one uncounted, a hostile name."""
-
-    def changed(row):
-        """Whose errors differ in each measure."""
-        name = HOSTILE if row.method.startswith("stormer") else row.method
-        largest = row.error_max
-        measures = {"error_final": largest / 2, "energy_error": 4 * largest} if largest else {}
-        return dataclasses.replace(row, method=name, **measures)
-
-    rk4, *others = map(changed, work_precision().rows)
-    diverged = work_row("rk4", 4, None, 16, status="diverged")
-    return work_of(diverged, rk4, *others, work_row("uncounted", 1e-2, 1e-3, None))
-
-
-def gap() -> WorkPrecision:
-    """Nothing is interpolated over a run that failed, so nothing is drawn there."""
-    failed = work_row("gap", 1e-3, None, None, status="failed", why="it stopped.")
-    tight = [work_row("gap", 1e-4, 1e-3, 1000), work_row("gap", 1e-5, 1e-4, 10000)]
-    return work_of(work_row("gap", 1e-2, 1e-1, 10), failed, *tight)
+    return dataclasses.replace(study("errors-in-one-panel"), problem=quartic())
 
 
 def stability() -> Explanation:
     """Explicit Euler on modes of which two decay and two grow, one of them far out."""
-    found = explanation()
+    found = MADE_UP["explain"]()
     function = StabilityFunction(
         *("explicit-euler", "y' = lambda y", True, True, (1.0, 1.0), None, None, None, None)
     )

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from ropeode import plot_convergence
-from ropeode.analysis import REASONS, LeftOut
 from ropeode.render import figure_bytes
-from tests.render.made_up import table_of, table_row
+from tests.render.made_up import table_of
 from tests.render.plots.drawn import look
-from tests.render.plots.studies import every_reason, order_of
+from tests.render.plots.studies import study
 
 
 def test_triangles_have_the_slopes_of_the_orders():
-    (axes,) = plot_convergence(every_reason()).axes
+    (axes,) = plot_convergence(study("every-reason")).axes
     to_data = axes.transAxes + axes.transData.inverted()
     slopes = []
     for triangle in (patch for patch in axes.patches if isinstance(patch, Polygon)):
@@ -27,10 +28,13 @@ def test_triangles_have_the_slopes_of_the_orders():
 
 def test_many_steppers_all_look_different():
     names = [f"stepper {i}" for i in range(56)]
-    few = [LeftOut(1 / 16, REASONS[-1])]
-    orders = [order_of(name, None, (), few) for name in names]
+    found = study("no-order")
+    rows, orders = (
+        [dataclasses.replace(each[0], stepper=name) for name in names]
+        for each in (found.rows, found.orders)
+    )
     axes = Figure().subplots()
-    plot_convergence(table_of([table_row(name, 16, 0.1) for name in names], orders), ax=axes)
+    plot_convergence(table_of(rows, orders), ax=axes)
     legend = axes.get_legend()
     looks = {
         look(handle)
@@ -41,7 +45,7 @@ def test_many_steppers_all_look_different():
 
 
 def test_it_draws_in_axes_of_the_users():
-    table = every_reason()
+    table = study("every-reason")
     figure = Figure(figsize=(12, 4), layout="constrained")
     left, right = figure.subplots(1, 2)
     assert plot_convergence(table, ax=right) is figure
