@@ -26,7 +26,8 @@ from ropeode.theory import Spectrum, StabilityFunction, stability_region
 from tests.quartic import quartic
 from tests.render.made_up import MADE_UP, made, problem, reference, table_of
 
-DATA = json.loads(Path(__file__).with_suffix(".json").read_text())
+FOLDER = Path(__file__).parent
+DATA = json.loads((FOLDER / "studies.json").read_text())
 KINDS = {
     "every-reason": AccuracyTable,
     "no-order": AccuracyTable,
@@ -77,35 +78,18 @@ def stability() -> Explanation:
     return dataclasses.replace(found, stability=linear, region=region)
 
 
-DAMPINGS, STEPS = (0.01, 0.1, 1.0), (16, 32, 64, 128)
-
-
 def frame_of(rows) -> pd.DataFrame:
     return pd.DataFrame([{**dict.fromkeys(COLUMNS), "problem": "rope", **row} for row in rows])
 
 
-def sweep() -> pd.DataFrame:
-    """Two steppers; one case of the first diverged, one has no order, one is not there."""
-    rows = [
-        {
-            "stepper": stepper,
-            "damping": damping,
-            "steps_per_frame": steps,
-            "status": "ok",
-            "resolved": True,
-            "order_verdict": "converges",
-            "observed_order": order + damping / 100,
-            "error_max": damping / steps**order,
-        }
-        for stepper, order in (("rk4", 4), ("explicit-euler", 1))
-        for damping in DAMPINGS
-        for steps in STEPS
-    ]
-    bad = frame_of(rows)
-    euler = bad.index[bad["stepper"] == "explicit-euler"]
-    bad.loc[euler[0], ["status", "observed_order"]] = ["diverged", None]
-    bad.loc[euler[1], ["order_verdict", "observed_order"]] = ["undetermined", None]
-    return bad.drop(euler[2])
+def sweep(name: str = "sweep") -> pd.DataFrame:
+    """The cases of a sweep that are finished.
+
+    Arguments:
+        name: `sweep`, of two steppers, of which one case diverged, one has no order and one is not
+            there; or `draws` of two parameters that never meet, of which each fourth diverged.
+    """
+    return frame_of(pd.read_csv(FOLDER / f"{name}.csv").to_dict("records"))
 
 
 def blown_up() -> pd.DataFrame:
@@ -118,21 +102,6 @@ def blown_up() -> pd.DataFrame:
 def without_orders() -> pd.DataFrame:
     found = sweep()
     return found[found["status"] == "ok"].assign(observed_order=None, order_verdict="undetermined")
-
-
-def draws() -> pd.DataFrame:
-    """Draws of two parameters that never meet; each fourth has diverged."""
-    rows = [
-        {
-            "stepper": "rk4",
-            "damping": 0.1 * i,
-            "stiffness": 0.3 * i % 1.0,
-            "status": "ok" if i % 4 else "diverged",
-            "error_max": 0.02 * i if i % 4 else None,
-        }
-        for i in range(1, 10)
-    ]
-    return frame_of(rows)
 
 
 def paths(start: Problem | None = None) -> NodePaths:

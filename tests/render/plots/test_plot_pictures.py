@@ -54,7 +54,13 @@ PICTURES = {
     "sweep-orders": (plot_sweep, studies.sweep, *OVER_STEPS, "observed_order"),
     "sweep-errors": (plot_sweep, studies.blown_up, *OVER_STEPS, "error_max"),
     "sweep-of-nothing": (plot_sweep, studies.without_orders, *OVER_STEPS, "observed_order"),
-    "sweep-draws": (plot_sweep, studies.draws, "damping", "stiffness", "error_max"),
+    "sweep-draws": (
+        plot_sweep,
+        lambda: studies.sweep("draws"),
+        "damping",
+        "stiffness",
+        "error_max",
+    ),
 }
 
 
