@@ -17,18 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from ropeode import (
-    CheckReport,
-    Problem,
-    Reference,
-    Report,
-    Rope,
-    Verification,
-    case_studies,
-    references,
-    study,
-    theory,
-)
+import ropeode
+from ropeode import Problem, Reference, Rope, case_studies, references, study, theory
 from ropeode.norms import NORMS, Norm
 from ropeode.sweep import SweepSummary
 from tests.quartic import HOSTILE
@@ -39,7 +29,8 @@ DATA = json.loads(Path(__file__).with_suffix(".json").read_text())
 def made(hint: Any, given: Any) -> Any:
     """What a type hint says, of numbers, names, lists and objects, as in JSON.
 
-    What is not given of a result is its default, the rope of this module, empty, or None.
+    Many objects with the same fields may be a table, of `columns` and `values`. What is not given
+    of a result is its default, the rope of this module, empty, or None.
     """
     kind, parts = typing.get_origin(hint) or hint, typing.get_args(hint)
     if given is None:
@@ -50,6 +41,8 @@ def made(hint: Any, given: Any) -> Any:
         # The others are None, and what stands in place of a result that there is not.
         return made(parts[0], given)
     if kind is tuple:
+        if isinstance(given, dict):
+            given = [dict(zip(given["columns"], each, strict=True)) for each in given["values"]]
         each = itertools.repeat(parts[0]) if parts[-1] is ... else parts
         return tuple(map(made, each, given))
     if kind in (Mapping, dict):
@@ -87,53 +80,16 @@ def named(given):
     return json.loads(json.dumps(given), object_hook=lambda each: SimpleNamespace(**each))
 
 
-def table_row(stepper, steps, error=None, **more):
-    """A run with this error, if it is resolved."""
-    known = {
-        "status": "ok",
-        "diverged_at": None,
-        "error_final": error and error * 0.75,
-        "error_max": error,
-        "error_rms": error and error / 2,
-        "resolved": error is not None,
-        "resolution": 2.5e-12,
-        "round_off": 1e-14,
-        "rhs_evaluations": 3 * steps,
-        "seconds": 0.0125,
-    }
-    return study.Row(stepper, steps, 1 / steps, **{**known, **more})
-
-
 def table_of(rows, orders):
     truth, norm = reference(), NORMS["position-max"]
     return study.AccuracyTable(problem(), truth, norm, tuple(rows), tuple(orders))
 
 
-def work_row(method, effort, error=None, cost=None, **more):
-    """A run with this error, if it is resolved, and so many evaluations, if they are counted."""
-    rtol = effort if effort < 1 else None
-    known = {
-        "family": "SciPy" if rtol else "runge-kutta",
-        "dt": None if rtol else 1 / effort,
-        "rtol": rtol,
-        **dict.fromkeys(("error_final", "error_max", "error_rms", "energy_error"), error),
-        "error_over_tolerance": error and rtol and error / rtol / 256,
-        "resolved": error is not None,
-        "status": "ok",
-        "rhs_evaluations": cost,
-        "steps": cost and cost // 4,
-        "seconds": cost and cost / 4096,
-        "seconds_min": cost and cost / 8192,
-        "seconds_max": cost and cost / 2048,
-    }
-    unknown = dict.fromkeys(inspect.signature(study.WorkRow).parameters)
-    return study.WorkRow(**{**unknown, "method": method, "effort": effort, **known, **more})
-
-
 # What is read otherwise than field by field.
 READ = {
     Any: lambda given: given,
-    float: float,
+    # Names of fields in JSON; what counts steps stays whole.
+    float: lambda given: float(given) if isinstance(given, str) else given,
     complex: complex,
     np.ndarray: functools.partial(np.array, dtype=float),
     Path: Path,
@@ -144,8 +100,6 @@ READ = {
     references.Solver: functools.partial(getattr, references),
     references.ExtendedSolution: lambda given: named(given),
     theory.StabilityFunction: lambda given: theory.NoStabilityFunction(**given),
-    study.Row: lambda given: table_row(**given),
-    study.WorkRow: lambda given: work_row(**given),
     case_studies.Figure: lambda number: case_studies.all_figures()[number],
     case_studies.Comparison: lambda number: case_studies.all_comparisons()[number],
 }
@@ -172,12 +126,12 @@ def hostile():
 
 KINDS = {
     "accuracy-table": study.AccuracyTable,
-    "check": CheckReport,
+    "check": ropeode.CheckReport,
     "explain": study.Explanation,
     "horizon": study.Horizon,
-    "report": Report,
+    "report": ropeode.Report,
     "sweep": SweepSummary,
-    "verification": Verification,
+    "verification": ropeode.Verification,
     "work-precision": study.WorkPrecision,
 }
 MADE_UP = {

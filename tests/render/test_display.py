@@ -13,15 +13,7 @@ import numpy as np
 import pytest
 
 import ropeode
-from ropeode import (
-    Ensemble,
-    Film,
-    Problem,
-    Rope,
-    animate,
-    plot_convergence,
-    trajectory_errors,
-)
+from ropeode import Ensemble, Film, Problem, Rope, animate, plot_convergence, trajectory_errors
 from ropeode.analysis import ObservedOrder, Thresholds, classify_motion, error_series
 from ropeode.display import Displayed, Sampled, Tabular
 from ropeode.equality import ByContent
@@ -49,11 +41,11 @@ def results(tmp_path_factory):
     run = simulate(problem(), "rk4", 16)
     file = tmp_path_factory.mktemp("runs") / "16.npz"
     np.savez(file, dt=run.dt, t=run.times, positions=run.positions)
-    errors, paths = studies.study("errors"), studies.paths()
+    errors, paths = studies.named("errors"), studies.paths()
     return [
         *(make() for name, make in MADE_UP.items() if name not in ("horizon", "report")),
         *(problem(), reference(), reference().certificate, MADE_UP["horizon"]().exponent),
-        *(errors, errors.curves[0], studies.study("energies"), paths, paths.paths[0]),
+        *(errors, errors.curves[0], studies.named("energies"), paths, paths.paths[0]),
         *(run, classify_motion(run), error_series(run, reference())),
         trajectory_errors([file], reference()),
         ensemble,

@@ -75,11 +75,10 @@ def test_the_layout_of_latex():
 
 def has_latex() -> bool:
     """Whether there is a pdflatex that finds what tables and slides need."""
-    needed = ["booktabs.sty", "beamer.cls", "pgfmath.sty"]
     if not (shutil.which("pdflatex") and shutil.which("kpsewhich")):
         return False
-    done = subprocess.run(["kpsewhich", *needed], capture_output=True, check=False, text=True)
-    return len(done.stdout.splitlines()) == len(needed)
+    needed = ["kpsewhich", "booktabs.sty", "beamer.cls", "pgfmath.sty"]
+    return subprocess.run(needed, capture_output=True, check=False).returncode == 0
 
 
 def grid_of(table):

@@ -10,17 +10,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ropeode import study
 from ropeode.norms import NORMS
 from ropeode.problems import Problem
-from ropeode.study import (
-    AccuracyTable,
-    EnergyCurves,
-    ErrorCurves,
-    Explanation,
-    NodePath,
-    NodePaths,
-    WorkPrecision,
-)
 from ropeode.sweep import COLUMNS
 from ropeode.theory import Spectrum, StabilityFunction, stability_region
 from tests.quartic import quartic
@@ -29,18 +21,18 @@ from tests.render.made_up import MADE_UP, made, problem, reference, table_of
 FOLDER = Path(__file__).parent
 DATA = json.loads((FOLDER / "studies.json").read_text())
 KINDS = {
-    "every-reason": AccuracyTable,
-    "no-order": AccuracyTable,
-    "still": AccuracyTable,
-    "errors": ErrorCurves,
-    "errors-in-one-panel": ErrorCurves,
-    "energies": EnergyCurves,
-    "gap": WorkPrecision,
-    "work": WorkPrecision,
+    "every-reason": study.AccuracyTable,
+    "no-order": study.AccuracyTable,
+    "still": study.AccuracyTable,
+    "errors": study.ErrorCurves,
+    "errors-in-one-panel": study.ErrorCurves,
+    "energies": study.EnergyCurves,
+    "gap": study.WorkPrecision,
+    "work": study.WorkPrecision,
 }
 
 
-def study(name: str) -> Any:
+def named(name: str) -> Any:
     """The study of this name in `studies.json`.
 
     `every-reason` leaves out runs for each reason, beside a stepper of order 4 with a prediction;
@@ -50,9 +42,9 @@ def study(name: str) -> Any:
     return made(KINDS[name], DATA[name])
 
 
-def all_twice() -> AccuracyTable:
+def all_twice() -> study.AccuracyTable:
     """Runs left out for every reason, by steppers of which each two do the same."""
-    table = study("every-reason")
+    table = named("every-reason")
 
     def twice(each):
         return (*each, *(dataclasses.replace(one, stepper=f"{one.stepper}:b") for one in each))
@@ -60,12 +52,12 @@ def all_twice() -> AccuracyTable:
     return table_of(twice(table.rows), twice(table.orders))
 
 
-def errors_in_one_panel() -> ErrorCurves:
+def errors_in_one_panel() -> study.ErrorCurves:
     """One run of each stepper, of a problem without units and with a hostile name."""
-    return dataclasses.replace(study("errors-in-one-panel"), problem=quartic())
+    return dataclasses.replace(named("errors-in-one-panel"), problem=quartic())
 
 
-def stability() -> Explanation:
+def stability() -> study.Explanation:
     """Explicit Euler on modes of which two decay and two grow, one of them far out."""
     found = MADE_UP["explain"]()
     function = StabilityFunction(
@@ -104,7 +96,7 @@ def without_orders() -> pd.DataFrame:
     return found[found["status"] == "ok"].assign(observed_order=None, order_verdict="undetermined")
 
 
-def paths(start: Problem | None = None) -> NodePaths:
+def paths(start: Problem | None = None) -> study.NodePaths:
     """Errors that are seen only magnified, that nobody can tell, that explode, and that end.
 
     Arguments:
@@ -116,14 +108,14 @@ def paths(start: Problem | None = None) -> NodePaths:
     truth = dataclasses.replace(reference(), problem=start, states=states)
     nodes = np.ones_like(truth.positions) * np.arange(4)[:, None]
 
-    def path(name, sizes, status="ok", diverged_at=None) -> NodePath:
+    def path(name, sizes, status="ok", diverged_at=None) -> study.NodePath:
         differences = np.array(sizes)[:, None, None] * nodes[: len(sizes)]
         positions = truth.positions[: len(sizes)] + differences
         errors = differences.max(axis=(1, 2))[: truth.trusted]
-        return NodePath(name, positions, errors, differences, diverged_at, status)
+        return study.NodePath(name, positions, errors, differences, diverged_at, status)
 
     long = "stormer-verlet:start=rest,damping=per-step"
-    return NodePaths(
+    return study.NodePaths(
         problem=start,
         reference=truth,
         norm=NORMS["position-max"],
