@@ -142,7 +142,7 @@ def message(draw):
 
 async def test_no_message_kills_the_server(page, monkeypatch):
     # A thousand pauses would be most of the time of this test.
-    monkeypatch.setattr("ropeode.laboratory.connection._BETWEEN_S", 0.0)
+    monkeypatch.setattr("ropeode.laboratory.dispatcher._BETWEEN_S", 0.0)
     draw = random.Random(20)
     worker = (await page.ask(do("work")))["x_label"]
     for _ in range(1000):
