@@ -9,6 +9,7 @@ from ropeode.checking import CheckReport, Claims, Convergence
 from ropeode.render.markup import Block, Code, Grid, Heading, Paragraph
 from ropeode.render.results import blocks, line, rows
 from ropeode.theory import Diagnosis
+from ropeode.validation import counted
 
 _MARKS = {"pass": "ok", "fail": "WRONG", "undetermined": "?", "note": "-", "skip": "skip"}
 _COLOURS = {"ok": "#00703c", "WRONG": "#c00000", "?": "#b25d00"}
@@ -42,7 +43,9 @@ def _(report: CheckReport) -> list[Block]:
         Heading(check_title(report)),
         Paragraph(check_summary(report)),
         *(Paragraph("\n".join(_lines_of(each))) for each in report.diagnosis),
-        Grid(_HEADERS, findings, left, long, _COLOURS, folded=_counted(report)),
+        Grid(
+            _HEADERS, findings, left, long, _COLOURS, folded=counted(len(report.findings), "check")
+        ),
     ]
     if convergence := shown(report):
         page += [Paragraph(_errors_title(convergence)), _errors_grid(convergence)]
@@ -115,17 +118,12 @@ def _order_words(report: CheckReport) -> str:
     return f"On the problem {convergence.problem!r} its order is {words}; {expected}."
 
 
-def _counted(report: CheckReport) -> str:
-    count = len(report.findings)
-    return "1 check" if count == 1 else f"{count} checks"
-
-
 def verdict(report: CheckReport) -> str:
     """The verdict in one sentence; it counts every check that was asked for."""
     count = dict.fromkeys(_MARKS, 0)
     for finding in report.findings:
         count[finding.status] += 1
-    checks = _counted(report)
+    checks = counted(len(report.findings), "check")
     if report.failed:
         names = ", ".join(each.check for each in report.failed)
         verb = "fails" if count["fail"] == 1 else "fail"

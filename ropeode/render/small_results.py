@@ -30,7 +30,6 @@ from ropeode.simulation import JaxStepper, Trajectories, Trajectory
 from ropeode.study import Curve, EnergyCurves, ErrorCurves, NodePath, NodePaths
 from ropeode.validation import counted
 
-_FACTS = ("", "")
 _AXES = "xyz"
 _LETTERS = {"position": "", "velocity": "v"}
 
@@ -54,7 +53,8 @@ def _(problem: Problem) -> list[Block]:
         **({"known": ", ".join(known)} if known else {}),
         **{name.replace("_", " "): value_words(value) for name, value in parameters.items()},
     }
-    return [Heading(f"Problem: {problem.name}"), _grid(facts)]
+    grid = Grid(("", ""), list(facts.items()), left=frozenset({0, 1}), long=frozenset({1}))
+    return [Heading(f"Problem: {problem.name}"), grid]
 
 
 @line.register
@@ -76,16 +76,12 @@ def _(reference: Reference) -> list[Block]:
     ]
 
 
-@line.register
-def _(certificate: Certificate) -> str:
-    return _certified(certificate)
-
-
 @blocks.register
 def _(certificate: Certificate) -> list[Block]:
     return [Heading("Certificate"), *_certificate(certificate, None)]
 
 
+@line.register
 def _certified(certificate: Certificate) -> str:
     """The solver, the bound of the first quantity, and how far it is trusted."""
     series = next(iter(certificate.bounds.values()))
@@ -224,10 +220,6 @@ def _(verification: Verification) -> str:
     found = "agrees" if verification.agrees else "DISAGREES"
     count = f"{verification.samples} of {verification.of} samples"
     return f"{verification.path}: {found}, {count} compared"
-
-
-def _grid(facts: dict[str, str]) -> Grid:
-    return Grid(_FACTS, list(facts.items()), left=frozenset({0, 1}), long=frozenset({1}))
 
 
 @rows.register

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
-import inspect
-
 import pytest
 from pydantic import TypeAdapter
 
@@ -37,34 +34,21 @@ def recorded_file():
     return page_with("", FILE.read_text(), truth["certificate"])
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_pyfunc_call(pyfuncitem):
-    """Run a test that is a coroutine function in the event loop of its module."""
-    if not inspect.iscoroutinefunction(pyfuncitem.obj):
-        return None
-    names = inspect.signature(pyfuncitem.obj).parameters
-    given = {name: pyfuncitem.funcargs[name] for name in names}
-    pyfuncitem.funcargs["runner"].run(pyfuncitem.obj(**given))
-    return True
+@pytest.fixture(scope="module")
+def anyio_backend():
+    """Of tests that are marked `anyio`: coroutine functions, which share the loop of their lab."""
+    return "asyncio"
 
 
 @pytest.fixture(scope="module")
-def runner():
-    with asyncio.Runner() as runner:
-        yield runner
-
-
-@pytest.fixture(scope="module")
-def lab(runner):
+async def lab(anyio_backend):
     """One lab for all tests of a module that want no other."""
-    started = running()
-    yield runner.run(started.__aenter__())
-    runner.run(started.__aexit__(None, None, None))
+    async with running() as started:
+        yield started
 
 
 @pytest.fixture
-def page(lab, runner):
+async def page(lab):
     """A page that talks to it."""
-    opened = lab.page()
-    yield runner.run(opened.__aenter__())
-    runner.run(opened.__aexit__(None, None, None))
+    async with lab.page() as opened:
+        yield opened

@@ -9,16 +9,7 @@ import json
 
 import websockets
 
-from ropeode.laboratory import (
-    Dispatcher,
-    Doorkeeper,
-    Limits,
-    WorkerProcess,
-    app,
-    decoded,
-    listening,
-    site_of,
-)
+from ropeode import laboratory
 from tests.laboratory.stand_in import StandIn
 
 SOON_S = 60.0
@@ -53,7 +44,9 @@ class Page:
     async def next(self):
         """The next message."""
         received = await asyncio.wait_for(self.socket.recv(), SOON_S)
-        return decoded(received)[0] if isinstance(received, bytes) else json.loads(received)
+        return (
+            laboratory.decoded(received)[0] if isinstance(received, bytes) else json.loads(received)
+        )
 
     async def answers(self, *keys):
         """The answers with these keys, in the order in which they come."""
@@ -89,12 +82,12 @@ def do(what):
 
 @contextlib.asynccontextmanager
 async def running(limits=None, file=None, ahead=()):
-    limits = limits or Limits()
-    listener = listening(0)
+    limits = limits or laboratory.Limits()
+    listener = laboratory.listening(0)
     port = listener.getsockname()[1]
-    worker = WorkerProcess(limits, *ahead, answering=StandIn)
-    doorkeeper, dispatcher = Doorkeeper(port), Dispatcher(worker, file)
-    site = site_of(app(dispatcher, doorkeeper))
+    worker = laboratory.WorkerProcess(limits, *ahead, answering=StandIn)
+    doorkeeper, dispatcher = laboratory.Doorkeeper(port), laboratory.Dispatcher(worker, file)
+    site = laboratory.site_of(laboratory.app(dispatcher, doorkeeper))
     task = asyncio.create_task(site.serve(sockets=[listener]))
     try:
         yield Lab(doorkeeper, dispatcher, worker, port)

@@ -11,10 +11,12 @@ import pytest
 
 from ropeode import InputError, Rope, RopeodeError, accuracy_table, as_stepper, lab
 from ropeode.laboratory import answers_in
+from ropeode.laboratory.messages import Run
 from ropeode.progress import silent
+from ropeode.render import format_table
 
 ROPE = Rope(num_nodes=4, node_mass=2.0, initial_velocity=(3.0, 1.0))
-STEPS = (16, 24, 48)
+STEPS = (16, 64, 96, 128, 192)
 
 
 def halves(rhs, t, y, dt, args):
@@ -28,7 +30,7 @@ def raises(rhs, t, y, dt, args):
 
 @pytest.fixture(scope="module")
 def table():
-    return accuracy_table(ROPE.problem(frames=3), ["rk4", "explicit-euler"], STEPS)
+    return accuracy_table(ROPE.problem(frames=3), ["rk4", "explicit-euler"], STEPS, predict=True)
 
 
 @pytest.fixture(scope="module")
@@ -43,21 +45,38 @@ def answers(page, kind) -> list[tuple[Any, Any, Any]]:
 
 
 def test_its_numbers_are_those_of_the_table(shown, table):
-    runs = {(ask.stepper, ask.steps_per_frame): head for ask, head, _ in answers(shown.page, "run")}
+    runs = {
+        (ask.stepper, ask.steps_per_frame): (head, arrays)
+        for ask, head, arrays in answers(shown.page, "run")
+    }
+    ((_, truth, of_truth),) = answers(shown.page, "truth")
+    samples = truth["samples_per_frame"]
     for row in table.rows:
-        found = runs[row.stepper, row.steps_per_frame]
-        assert found["error_max"] == row.error_max
+        head, arrays = runs[row.stepper, row.steps_per_frame]
+        for name in Run.model_fields.keys() - {"kind", "every", "seconds"}:
+            assert head[name] == getattr(row, name), name
+        at_frames = arrays["errors"][:: samples // head["every"]][1:]
+        assert at_frames.max() == pytest.approx(row.error_max)
     # Its keys go on from the first of the table's step sizes.
-    assert {steps for _, steps in runs} == {4, 8, *STEPS, 32, 64, 128, 256, 512}
-    ((_, truth, arrays),) = answers(shown.page, "truth")
-    at_frames = arrays["points"][:: truth["samples_per_frame"]]
+    assert {steps for _, steps in runs} == {4, 8, *STEPS, 32, 256, 512}
+    at_frames = of_truth["points"][::samples]
     np.testing.assert_allclose(at_frames, table.reference.positions, rtol=1e-6, atol=1e-6)
     orders = {
-        ask.stepper: head["observed"]
+        ask.stepper: head
         for ask, head, _ in answers(shown.page, "order")
         if ask.steps_per_frame == STEPS
     }
-    assert orders == {each.stepper: each.order.observed for each in table.orders}
+    predicted = {ask.stepper: head for ask, head, _ in answers(shown.page, "theory")}
+    for each in table.orders:
+        head, order = orders[each.stepper], each.order
+        assert (head["observed"], head["verdict"]) == (order.observed, order.verdict)
+        assert (head["low"], head["high"]) == (order.ci95 or (None, None))
+        assert f"expected {each.expected}" in head["words"]
+        left_out = [run["steps_per_frame"] for run in head["left_out"]]
+        assert {*head["used"], *left_out} == {*STEPS}
+        head, constant = predicted[each.stepper], each.constant
+        assert (head["order"], head["constant"]) == (constant.order, constant.predicted)
+        assert head["words"] in " ".join(format_table(table).split())
 
 
 def test_a_cell_holds_the_page_also_where_there_are_no_widgets(shown):
@@ -100,8 +119,6 @@ SIX = [as_stepper(halves, label=f"s{k}") for k in range(6)]
     ("given", "said"),
     [
         ({"problem": 3}, "problem: 3 given; allowed: a Problem"),
-        ({"problem": "rop"}, "did you mean 'rope'?"),
-        ({"steppers": ["euler"]}, "stepper: 'euler' given, which does not exist"),
         ({"steppers": []}, "at least one stepper"),
         ({"steppers": SIX}, "steppers: '6 steppers' given; allowed: at most 5"),
         ({"steps_per_frame": [2**17]}, "at most 32 numbers of at most 65536"),

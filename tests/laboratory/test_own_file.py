@@ -11,7 +11,7 @@ import pytest
 from ropeode.laboratory import OwnFile, WatchedFile
 from tests.time_limit import HANGS_AFTER_S
 
-pytestmark = pytest.mark.usefixtures("runner")
+pytestmark = pytest.mark.anyio
 
 STEP = "def {}(rhs, t, y, dt, args):\n    return y + {} * dt * rhs(t, y, args)\n"
 TWO = STEP.format("one", 1) + STEP.format("two", 2)

@@ -1,25 +1,21 @@
-"""Recordings, and the one that is shipped: what the page asks first, as Python answers it now."""
+"""Recordings: the one that is shipped, as Python answers it now, and those of labs in one file."""
 
 from __future__ import annotations
 
 import itertools
 import math
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
-from ropeode.laboratory import (
-    DEFAULT_LADDER,
-    DEFAULT_PROBLEM,
-    DEFAULT_STEPPERS,
-    Laboratory,
-    answers_in,
-    asks_ahead,
-    asks_of,
-    recorded,
-)
-from ropeode.laboratory.messages import AskLibrary, AskRun, ProblemChoice
+from ropeode import laboratory as room
+from ropeode.cli import cli
+from ropeode.laboratory.messages import AskRun, ProblemChoice
 from ropeode.progress import silent
+from tests.laboratory.conftest import ROPE
 from tools.default_recording import FILE
 
 MEND = "run make recording"
@@ -29,20 +25,21 @@ ESTIMATES = {"seconds", "resolution", "bound", "energy_bound", "certificate"}
 
 @pytest.fixture(scope="module")
 def shipped():
-    return list(answers_in(FILE.read_text()))
+    return list(room.answers_in(FILE.read_text()))
 
 
 def default_asks():
-    return asks_of(Laboratory(), DEFAULT_PROBLEM, DEFAULT_STEPPERS, DEFAULT_LADDER)
+    shown = room.DEFAULT_PROBLEM, room.DEFAULT_STEPPERS, room.DEFAULT_LADDER
+    return room.asks_of(room.Laboratory(), *shown)
 
 
 def test_the_worker_prepares_what_the_next_press_of_the_key_asks(shipped):
     asked = [ask for ask, _, _ in shipped]
     most = max(each.steps_per_frame for each in asked if isinstance(each, AskRun))
-    truth, *runs = itertools.islice(asks_ahead(), 4)
+    truth, *runs = itertools.islice(room.asks_ahead(), 4)
     assert truth in asked
-    next_press = {"kind": "run", "problem": DEFAULT_PROBLEM, "steps_per_frame": 2 * most}
-    assert runs == [AskRun(stepper=each, **next_press) for each in DEFAULT_STEPPERS]
+    next_press = {"kind": "run", "problem": room.DEFAULT_PROBLEM, "steps_per_frame": 2 * most}
+    assert runs == [AskRun(stepper=each, **next_press) for each in room.DEFAULT_STEPPERS]
 
 
 def test_it_answers_what_the_page_asks_first(shipped, ask):
@@ -54,22 +51,17 @@ def test_it_answers_what_the_page_asks_first(shipped, ask):
 
 
 def test_a_recording_has_refusals_too(laboratory):
-    question = AskRun(
-        kind="run", problem=ProblemChoice(name="nothing"), stepper="rk4", steps_per_frame=1
-    )
-    asks = [AskLibrary(kind="library"), question]
-    answers = [*answers_in(recorded(asks, laboratory, silent))]
-    assert [ask for ask, _, _ in answers] == asks
-    (_, library, _), (_, refused, _) = answers
-    assert (library["kind"], library["key"]) == ("library", "")
-    assert refused["kind"] == "refused"
+    problem = ProblemChoice(name="nothing")
+    question = AskRun(kind="run", problem=problem, stepper="rk4", steps_per_frame=1)
+    ((ask, refused, _),) = room.answers_in(room.recorded([question], laboratory, silent))
+    assert (ask, refused["kind"]) == (question, "refused")
     assert "'nothing' given" in refused["message"]
 
 
 @pytest.mark.slow
 def test_all_of_it_is_what_python_answers_today(shipped, laboratory):
-    text = recorded(default_asks(), laboratory, silent)
-    for (question, was, old), (_, is_now, new) in zip(shipped, answers_in(text), strict=True):
+    text = room.recorded(default_asks(), laboratory, silent)
+    for (question, was, old), (_, is_now, new) in zip(shipped, room.answers_in(text), strict=True):
         assert (set(was), set(old)) == (set(is_now), set(new)), question
         for name in set(was) - ESTIMATES:
             same = was[name] == is_now[name]
@@ -81,3 +73,58 @@ def test_all_of_it_is_what_python_answers_today(shipped, laboratory):
             if name not in ESTIMATES:
                 size = float(np.max(np.abs(values), initial=0.0))
                 np.testing.assert_allclose(values, new[name], rtol=1e-3, atol=1e-6 * size)
+
+
+SCRIPT = re.compile(r'<script type="application/json" id="([^"]+)">(.*?)</script>', re.DOTALL)
+
+
+def test_it_loads_nothing_and_its_certificate_can_be_read_without_a_script(recorded_file):
+    tags = re.sub(SCRIPT, "", recorded_file)
+    assert set(re.findall(r'(?:src|href)="([^"]*)"', tags)) == {"data:,"}
+    assert "default-src 'none'" in tags
+    assert not any(each in tags for each in ("url(", "lab-socket"))
+    answers = room.answers_in(dict(SCRIPT.findall(recorded_file))["recordings/default.json"])
+    (truth,) = (header for ask, header, _ in answers if ask.kind == "truth")
+    shown = tags.partition('<div id="certificate">')[2].partition("</div>")[0]
+    assert shown.count("<li>") == len(truth["certificate"]) > 0
+
+
+def test_it_asks_for_every_order_that_the_keys_can_reach():
+    questions = list(room.asks_of(room.Laboratory(), ROPE, ("rk4",), (16,)))
+    assert len({each.model_dump_json() for each in questions}) == len(questions)
+    # From 16, up to two presses of - and five of =, in any order.
+    reached = {
+        tuple(2**k for k in range(low, high + 1)) for low in (2, 3, 4) for high in range(4, 10)
+    }
+    assert {each.steps_per_frame for each in questions if each.kind == "order"} == reached
+    runs = [each.steps_per_frame for each in questions if each.kind == "run"]
+    assert runs == [4, 8, 16, 32, 64, 128, 256, 512]
+
+
+def test_what_is_shown_first():
+    rigid = ProblemChoice(name="inextensible-rope", frames=3)
+    problem, steppers = room.shown_first(room.Laboratory(), room.link_of(rigid, None))
+    assert problem == rigid
+    assert "rattle" in steppers
+    # Scenes say which plot they show.
+    assert room.link_of(None, "why-euler-explodes")["choices"] == {"steps": "stability"}
+    assert room.link_of(ROPE, "chaos")["choices"] == {"motion": "error"}
+
+
+def test_the_command_writes_the_file_whole_or_refuses(tmp_path, monkeypatch, recorded_file):
+    monkeypatch.setattr("ropeode.laboratory.page_with_answers", lambda *_: recorded_file)
+    # It would switch on 64-bit types for all tests after this one.
+    monkeypatch.setattr("ropeode.cli.lab.set_up_jax", lambda: None)
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(cli, ["lab", "--out", "lecture.html"])
+    assert done.output == f"wrote lecture.html ({len(recorded_file.encode()) / 1e6:.1f} MB)\n"
+    assert Path("lecture.html").read_text() == recorded_file
+    Path("steps.py").write_text("def step(\n")
+    for arguments, said in (
+        (["lecture.pdf"], "a file name that ends in .html"),
+        (["other.html", "--port", "80"], "only without --out"),
+        (["other.html", "steps.py"], "'(' was never closed"),
+    ):
+        refused = CliRunner().invoke(cli, ["lab", "-o", *arguments])
+        assert said in str(refused.exception)
+    assert {each.name for each in tmp_path.iterdir()} == {"lecture.html", "steps.py"}

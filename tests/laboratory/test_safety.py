@@ -15,7 +15,7 @@ from ropeode.laboratory import MOST_TEXT, listening
 from ropeode.laboratory.messages import MOST_WANTED
 from tests.laboratory.serving import do
 
-pytestmark = pytest.mark.usefixtures("runner")
+pytestmark = pytest.mark.anyio
 
 
 def test_it_listens_on_this_machine_alone():
@@ -97,17 +97,6 @@ FAULTY = {
     " " * (MOST_TEXT + 1): f"at most {MOST_TEXT}",
     b"\x00": "allowed: text",
 }
-
-
-async def test_a_message_that_is_none_is_refused_with_a_sentence(page):
-    for text, words in FAULTY.items():
-        await page.socket.send(text)
-        refused = await page.next()
-        assert (refused["kind"], refused["key"]) == ("refused", "")
-        assert words in refused["message"]
-        assert len(refused["message"]) < 1000
-
-
 RUN = do("work")
 FAULTY_QUESTIONS = [
     ({**RUN, "steps_per_frame": [0]}, "steps_per_frame.0: 0 given"),
@@ -118,7 +107,13 @@ FAULTY_QUESTIONS = [
 ]
 
 
-async def test_a_faulty_question_is_refused_and_those_beside_it_are_answered(page):
+async def test_what_is_faulty_is_refused_with_a_sentence_and_what_is_beside_it_answered(page):
+    for text, words in FAULTY.items():
+        await page.socket.send(text)
+        refused = await page.next()
+        assert (refused["kind"], refused["key"]) == ("refused", "")
+        assert words in refused["message"]
+        assert len(refused["message"]) < 1000
     for ask, words in FAULTY_QUESTIONS:
         await page.want(bad=ask, good=RUN)
         answers = await page.answers("bad", "good")
@@ -126,24 +121,18 @@ async def test_a_faulty_question_is_refused_and_those_beside_it_are_answered(pag
         assert answers["good"]["kind"] == "phase"
 
 
-def anything(draw, depth=0):
-    """Any JSON, and a little more."""
-    kind = draw.randrange(10 if depth < 5 else 7)
-    if kind == 7:
-        return [anything(draw, depth + 1) for _ in range(draw.randrange(4))]
-    if kind > 7:
-        names = ["want", "key", "ask", "kind", "problem", "stepper", "name", "x", "\ud800"]
-        return {draw.choice(names): anything(draw, depth + 1) for _ in range(draw.randrange(5))}
-    whole = draw.choice([0, -1, 2**63, 10**400])
-    text = draw.choice(["", "truth", "order", "\x00", "\ud800", "../../etc/passwd", "x" * 5000])
-    return [None, True, whole, draw.random() * 1e308, float("inf"), float("nan"), text][kind]
+ANYTHING = [
+    *(None, True, 0, -1, 0.5, 2**63, 10**400, 1e308, float("inf"), float("nan")),
+    *("", "truth", "order", "\x00", "\ud800", "../../etc/passwd", "x" * 5000),
+    *([], [[]], [0, ["x"]], {}, {"kind": "truth"}, {"name": {"\ud800": [None]}}),
+]
 
 
 def message(draw):
-    """A question with something wrong, or none; of one in four a piece is gone or replaced."""
-    ask = {**RUN, draw.choice([*RUN, "version", "x"]): anything(draw)}
-    whole = {"want": [{"key": draw.choice(["k", "", "\ud800", 3]), "ask": ask}]}
-    text = json.dumps(draw.choice([whole, whole, anything(draw)]))
+    """A question with something wrong; of one in four a piece is gone or replaced."""
+    ask = {**RUN, draw.choice([*RUN, "version", "x"]): draw.choice(ANYTHING)}
+    entry = {"key": draw.choice(["k", "", "\ud800", 3]), "ask": ask}
+    text = json.dumps({"want": draw.choice([[entry], [entry], draw.choice(ANYTHING)])})
     if draw.randrange(4):
         return text
     at, end = sorted(draw.randrange(len(text) + 1) for _ in range(2))
@@ -153,7 +142,7 @@ def message(draw):
 
 async def test_no_message_kills_the_server(page, monkeypatch):
     # A thousand pauses would be most of the time of this test.
-    monkeypatch.setattr("ropeode.laboratory.connection._BETWEEN_S", 0.0)
+    monkeypatch.setattr("ropeode.laboratory.dispatcher._BETWEEN_S", 0.0)
     draw = random.Random(20)
     worker = (await page.ask(do("work")))["x_label"]
     for _ in range(1000):
@@ -163,7 +152,7 @@ async def test_no_message_kills_the_server(page, monkeypatch):
     sentences = []
     while (said := await page.next())["kind"] == "working" or said["key"] != "end":
         sentences += [said["message"]] if said["kind"] == "refused" else []
-    assert len(sentences) > 700
     assert all(sentences)
+    assert len(sentences) > 600
     # And none has ended the worker.
     assert said["x_label"] == worker

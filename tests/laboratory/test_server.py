@@ -14,7 +14,7 @@ from ropeode.laboratory import Limits, WatchedFile, checked_header, open_browser
 from tests.laboratory.serving import SOON_S, do, running
 from tests.time_limit import HANGS_AFTER_S
 
-pytestmark = pytest.mark.usefixtures("runner")
+pytestmark = pytest.mark.anyio
 
 
 async def test_an_answer_is_kept_for_all_pages_and_after_a_reconnection(lab):

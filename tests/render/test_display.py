@@ -13,15 +13,7 @@ import numpy as np
 import pytest
 
 import ropeode
-from ropeode import (
-    Ensemble,
-    Film,
-    Problem,
-    Rope,
-    animate,
-    plot_convergence,
-    trajectory_errors,
-)
+from ropeode import Ensemble, Film, Problem, Rope, animate, plot_convergence, trajectory_errors
 from ropeode.analysis import ObservedOrder, Thresholds, classify_motion, error_series
 from ropeode.display import Displayed, Sampled, Tabular
 from ropeode.equality import ByContent
@@ -32,7 +24,7 @@ from ropeode.simulation.jax_stepper import jax_stepper
 from ropeode.steppers import Phase, System, as_stepper
 from ropeode.study import NodePath
 from ropeode.theory import Growth
-from tests.render.made_up import MADE_UP, accuracy_table, horizon, problem, reference
+from tests.render.made_up import MADE_UP, problem, reference
 from tests.render.plots import studies
 from tests.results import check_result, kinds
 
@@ -49,11 +41,11 @@ def results(tmp_path_factory):
     run = simulate(problem(), "rk4", 16)
     file = tmp_path_factory.mktemp("runs") / "16.npz"
     np.savez(file, dt=run.dt, t=run.times, positions=run.positions)
-    errors, paths = studies.errors(), studies.paths()
+    errors, paths = studies.named("errors"), studies.paths()
     return [
         *(make() for name, make in MADE_UP.items() if name not in ("horizon", "report")),
-        *(problem(), reference(), reference().certificate, horizon().exponent),
-        *(errors, errors.curves[0], studies.energies(), paths, paths.paths[0]),
+        *(problem(), reference(), reference().certificate, MADE_UP["horizon"]().exponent),
+        *(errors, errors.curves[0], studies.named("energies"), paths, paths.paths[0]),
         *(run, classify_motion(run), error_series(run, reference())),
         trajectory_errors([file], reference()),
         ensemble,
@@ -140,7 +132,7 @@ def test_problems_of_ones_own_are_values():
 def test_a_page_has_marks_in_colour_lines_of_blocks_and_pictures():
     assert 'font-weight: bold">WRONG</td>' in MADE_UP["check"]()._repr_html_()
     assert any(block in reference()._repr_html_() for block in "▁▂▃▄▅▆▇█")
-    assert plot_convergence(accuracy_table())._repr_png_().startswith(b"\x89PNG")
+    assert plot_convergence(MADE_UP["accuracy-table"]())._repr_png_().startswith(b"\x89PNG")
 
 
 def wrong(x):

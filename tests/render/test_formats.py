@@ -6,7 +6,7 @@ import dataclasses
 import re
 import shutil
 import subprocess
-from html.parser import HTMLParser
+import xml.etree.ElementTree as ET
 
 import pytest
 
@@ -29,27 +29,14 @@ def test_formats_are_listed_on_the_command_line():
     assert list(LISTED) == list(FORMATS)
 
 
-class _Page(HTMLParser):
-    def __init__(self):
-        super().__init__()
-        self.open, self.seen = [], []
-
-    def handle_starttag(self, tag, attrs):
-        self.seen.append(tag)
-        if tag != "meta":
-            self.open.append(tag)
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-
 def test_a_page_is_well_formed_and_holds_a_picture():
-    page, text = _Page(), format_table(MADE_UP["hostile"](), "html")
-    page.feed(text)
-    assert not page.open
-    assert page.seen.count("svg") == 1
+    text = format_table(MADE_UP["hostile"](), "html")
+    # Of HTML's elements without an end this is the only one.
+    page = ET.fromstring(re.sub("<!DOCTYPE html>|<meta [^>]*>", "", text, flags=re.IGNORECASE))
+    seen = [each.tag.rpartition("}")[2] for each in page.iter()]
+    assert seen.count("svg") == 1
     # What others named is text, and nothing from outside is asked for.
-    assert "b" not in page.seen
+    assert "b" not in seen
     assert not re.search(r"""(src|href)\s*=\s*["'](?!#)|url\((?!#)|@import""", text)
 
 
@@ -88,11 +75,10 @@ def test_the_layout_of_latex():
 
 def has_latex() -> bool:
     """Whether there is a pdflatex that finds what tables and slides need."""
-    needed = ["booktabs.sty", "beamer.cls", "pgfmath.sty"]
     if not (shutil.which("pdflatex") and shutil.which("kpsewhich")):
         return False
-    done = subprocess.run(["kpsewhich", *needed], capture_output=True, check=False, text=True)
-    return len(done.stdout.splitlines()) == len(needed)
+    needed = ["kpsewhich", "booktabs.sty", "beamer.cls", "pgfmath.sty"]
+    return subprocess.run(needed, capture_output=True, check=False).returncode == 0
 
 
 def grid_of(table):

@@ -6,14 +6,7 @@ import re
 
 import pytest
 
-from ropeode import (
-    format_check,
-    format_explanation,
-    format_horizon,
-    format_report,
-    format_table,
-    format_work_precision,
-)
+import ropeode
 from ropeode.errors import InputError
 from ropeode.terminal import FORMATS
 from tests.golden import check_golden
@@ -21,13 +14,13 @@ from tests.render.made_up import MADE_UP
 from tests.schemas import assert_conforms
 
 WRITTEN_BY = {
-    "accuracy-table": format_table,
-    "check": format_check,
-    "explain": format_explanation,
-    "horizon": format_horizon,
-    "hostile": format_table,
-    "report": format_report,
-    "work-precision": format_work_precision,
+    "accuracy-table": ropeode.format_table,
+    "check": ropeode.format_check,
+    "explain": ropeode.format_explanation,
+    "horizon": ropeode.format_horizon,
+    "hostile": ropeode.format_table,
+    "report": ropeode.format_report,
+    "work-precision": ropeode.format_work_precision,
 }
 
 

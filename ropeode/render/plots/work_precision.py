@@ -1,9 +1,10 @@
-"""Error against cost: a work-precision study as a picture."""
+"""Error against cost: a work-precision study as a picture, with efforts where they hide nothing."""
 
 from __future__ import annotations
 
 import html
 import itertools
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -15,10 +16,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import NullFormatter
+from matplotlib.transforms import Bbox
 
 from ropeode.render import table_words
 from ropeode.render.plots.labels import with_unit
-from ropeode.render.plots.point_labels import place_labels
+from ropeode.render.plots.point_markers import MARKS as OF_ORDERS
 from ropeode.render.plots.point_markers import UNRESOLVED
 from ropeode.render.plots.point_markers import in_legend as of_orders_in_legend
 from ropeode.render.plots.style import (
@@ -31,16 +33,8 @@ from ropeode.render.plots.style import (
     figure_bytes,
     new_figure,
 )
-from ropeode.render.plots.work_points import (
-    BELOW,
-    CERTIFIED,
-    MARKS,
-    WorkPoint,
-    front_line,
-    points_and_limits,
-)
 from ropeode.render.work_precision import effort_cell, effort_words, error_words_of
-from ropeode.study import INFINITE, Cost, Measure, WorkPrecision, check_axes
+from ropeode.study import INFINITE, Cost, Measure, WorkPrecision, WorkRow, check_axes
 from ropeode.validation import check_kind
 
 _AXES_HEIGHT = 4.2
@@ -72,6 +66,27 @@ _FRONT: Any = {
 _LABEL_SIZE = 6.5
 # Of the texts that no label may cover, along each piece of a line.
 _DENSE = 80
+# In points of 1/72 inch: a letter's width and height over the font's size, the way to the text, and
+# half of a mark.
+_WIDE, _HIGH, _AWAY, _MARK = 0.6, 1.0, 5.0, 2.0
+# Where a text may stand: right, left, above, below, and the corners between.
+_SIDES = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1))
+_ALIGN = {-1: "right", 0: "center", 1: "left"}
+_UPRIGHT = {-1: "top", 0: "center", 1: "bottom"}
+
+CERTIFIED = "ok"
+BLEW_UP = "unstable, diverged or unsolved, at the upper edge"
+STOPPED = "stopped at a limit, at the upper edge"
+BELOW = "unresolved"
+MARKS: dict[str, dict[str, Any]] = {
+    BLEW_UP: {"marker": "x", "clip_on": False},
+    STOPPED: {"marker": "|", "markersize": 9, "clip_on": False},
+    BELOW: OF_ORDERS[UNRESOLVED],
+}
+# Room around the points, as a factor.
+_AROUND, _ABOVE, _BELOW = 1.6, 4.0, 4.0
+
+Ends = tuple[float, float]
 
 
 class Look(NamedTuple):
@@ -102,6 +117,22 @@ def looks(study: WorkPrecision) -> dict[str, Look]:
         )
         for index, (method, family) in enumerate(study.methods.items())
     }
+
+
+class WorkPoint(NamedTuple):
+    """One run in the picture.
+
+    Fields:
+        row: of the study.
+        cost: where it stands.
+        error: where it stands.
+        mark: `CERTIFIED`, or a key of `MARKS`.
+    """
+
+    row: WorkRow
+    cost: float
+    error: float
+    mark: str
 
 
 @matplotlib.rc_context(STYLE)
@@ -144,7 +175,7 @@ def _figure(
         words = "Error: largest difference from the true energy at the samples"
     figure = new_figure(title, words, _AXES_HEIGHT)
     axes = figure.subplots()
-    drawn, wide, high = points_and_limits(study, cost, measure)
+    drawn, wide, high = points_and_limits(study, cost, measure, resolution)
     quantity = "energy" if measure == "energy_error" else study.norm.quantity
     axes.set(
         xscale="log",
@@ -168,6 +199,61 @@ def _figure(
     marks = np.reshape([(point.cost, point.error) for point in drawn], (-1, 2))
     place_labels(axes, labels, np.concatenate([*lines, marks]), _LABEL_SIZE)
     return figure, named
+
+
+def points_and_limits(
+    study: WorkPrecision, cost: Cost, measure: Measure, resolution: float
+) -> tuple[list[WorkPoint], Ends, Ends]:
+    """The runs that have a cost, each with its mark and inside the axes; their ends."""
+    paid = [(row, float(value)) for row in study.rows if (value := _paid(study, row, cost))]
+    known = [error for row, _ in paid if row.status == "ok" and (error := getattr(row, measure))]
+    errors = [error for error in known if error < INFINITE]
+    high = _ABOVE * max(errors, default=10.0 * resolution)
+    seen = [*errors, resolution] if _near(resolution, errors) else errors
+    low = min(seen, default=high / 100.0) / _BELOW
+    costs = [value for _, value in paid] or [1.0]
+    if cost == "seconds":
+        costs += [end for row, _ in paid for end in (row.seconds_min, row.seconds_max) if end]
+    points = [_point(row, value, measure, max(resolution, low), high) for row, value in paid]
+    return points, _with_powers_of_ten(min(costs) / _AROUND, max(costs) * _AROUND), (low, high)
+
+
+def _with_powers_of_ten(low: float, high: float) -> tuple[float, float]:
+    """Wider limits, where there are no two powers of ten between them: the axis has no others."""
+    first, last = math.log10(low), math.log10(high)
+    if math.floor(last) - math.ceil(first) >= 1:
+        return low, high
+    return 10.0 ** math.floor(first), 10.0 ** math.ceil(last)
+
+
+def _near(resolution: float, errors: Sequence[float]) -> bool:
+    """Whether the axis should reach down to the resolution."""
+    return resolution > 1e-3 * min(errors, default=resolution)
+
+
+def _paid(study: WorkPrecision, row: WorkRow, cost: Cost) -> float | None:
+    if row.status == "time limit" and cost == "seconds":
+        return study.run_limit
+    return getattr(row, cost)
+
+
+def _point(row: WorkRow, cost: float, measure: Measure, low: float, high: float) -> WorkPoint:
+    """Unresolved runs stand at `low`, and those without an error at `high`."""
+    error = getattr(row, measure)
+    if error == INFINITE or row.status in ("unstable", "diverged", "unsolved", "failed"):
+        return WorkPoint(row, cost, high, BLEW_UP)
+    if row.status != "ok":
+        return WorkPoint(row, cost, high, STOPPED)
+    if error is None:
+        return WorkPoint(row, cost, low, BELOW)
+    return WorkPoint(row, cost, error, CERTIFIED)
+
+
+def front_line(study: WorkPrecision, cost: Cost, measure: Measure) -> tuple[np.ndarray, np.ndarray]:
+    """Costs and errors of the Pareto front, from cheap to costly."""
+    front = study.front(cost, measure)
+    costs = np.array([getattr(row, cost) for row in front], float)
+    return costs, np.array([getattr(row, measure) for row in front], float)
 
 
 def _draw_points(
@@ -236,6 +322,52 @@ def _efforts(
     colour = looks(study)[method].colour
     ends = certified[:1] + certified[-1:] * (len(certified) > 1)
     return [(p.cost, p.error, effort_cell(p.row), colour) for p in ends]
+
+
+def place_labels(
+    axes: Axes,
+    labels: Sequence[tuple[float, float, str, str]],
+    taken: np.ndarray,
+    size: float,
+) -> None:
+    """Write texts beside points; those that would hide something are left out.
+
+    Arguments:
+        axes: with their limits set.
+        labels: where each point is, its text, and its colour; the first come first.
+        taken: points of lines and marks that no text may cover, ``(points, 2)``, in the data's
+            coordinates.
+        size: of the font, in points.
+    """
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    scale = 72.0 / figure.dpi
+    at = axes.transData.transform(np.asarray(taken, float)) * scale
+    frame = Bbox(axes.bbox.get_points() * scale)
+    boxes: list[Bbox] = []
+    for x, y, text, colour in labels:
+        here = axes.transData.transform((x, y)) * scale
+        width, height = _WIDE * size * len(text), _HIGH * size
+        for across, up in _SIDES:
+            low = here + np.array([across, up]) * _AWAY
+            low -= np.array([(1 - across) * width, (1 - up) * height]) / 2
+            box = Bbox.from_bounds(low[0], low[1], width, height)
+            inside = np.all(frame.min <= box.min) and np.all(box.max <= frame.max)
+            hides = box.padded(_MARK).count_contains(at) or box.count_overlaps(boxes)
+            if inside and not hides:
+                boxes.append(box)
+                axes.annotate(
+                    text,
+                    (x, y),
+                    (across * _AWAY, up * _AWAY),
+                    textcoords="offset points",
+                    ha=_ALIGN[across],
+                    va=_UPRIGHT[up],
+                    fontsize=size,
+                    color=colour,
+                    annotation_clip=False,
+                )
+                break
 
 
 def _draw_legends(

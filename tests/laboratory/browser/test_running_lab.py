@@ -1,25 +1,44 @@
-"""The page of a lab that runs as a user's does, and computes what is not recorded."""
+"""Labs that run as a user's do: in a browser, in JupyterLab and in marimo."""
 
 from __future__ import annotations
 
+import contextlib
+import os
 import re
+import socket
+import subprocess
+import sys
+import time
 
+import nbformat
 import pytest
 
 from tests.browser import LONGEST
-from tests.laboratory.browser.recorded_page import EXAMPLE, POINTS, link, picture, tab
+from tests.laboratory.browser.recorded_page import EXAMPLE, POINTS, STEPS, link, tab
 from tests.time_limit import HANGS_AFTER_S
 
 expect = pytest.importorskip("playwright.sync_api").expect
 
 # Its reference takes a fraction of the time of the default rope's.
-ROPE = link(
-    problem={"name": "rope", "parameters": {"num_nodes": 4}, "frames": 3},
-    playing=False,
-    steppers=["rk4"],
-    steps=32,
-    ladder=[32],
-)
+SMALL = {"name": "rope", "parameters": {"num_nodes": 4}, "frames": 3}
+ROPE = link(problem=SMALL, playing=False, steppers=["rk4"], steps=32, ladder=[32])
+
+CELL = """
+from ropeode import Rope, lab
+lab(Rope(num_nodes=4, node_mass=2.0).problem(frames=6), ["rk4", "explicit-euler"])
+"""
+MARIMO = f"""
+import marimo
+
+app = marimo.App()
+
+
+@app.cell
+def _():
+    {CELL.strip().replace(chr(10), chr(10) + "    ")}
+"""
+FRAME = "iframe[title='ropeode lab']"
+STARTS_IN_S = 120.0
 
 pytestmark = pytest.mark.slow
 
@@ -49,35 +68,102 @@ def test_what_is_not_recorded_is_computed(page, start_lab):
     expect(paths).to_have_count(2)
 
 
-def test_problems_are_drawn_as_what_they_are(page, start_lab):
-    address = start_lab()
-    # What moves, and what is fixed.
-    for name, moves, fixed in (("double-pendulum", 2, 1), ("kepler", 1, 1), ("lorenz", 1, 0)):
-        problem = {"name": name, "parameters": {}, "frames": 3}
-        page.goto(address + link(problem=problem, steppers=[], playing=False))
-        words = page.locator("#problem-words")
-        expect(words).to_contain_text(name.replace("-", " "), ignore_case=True)
-        svg = picture(page)
-        # One rectangle is the ground, and each clip has one.
-        assert (svg.count("<circle"), svg.count("<rect") - 2) == (moves, fixed), name
-
-
 def test_a_stepper_of_ones_own_reloads_on_save(page, start_lab, tmp_path):
     file = tmp_path / "steps.py"
     right = EXAMPLE.read_text()
     file.write_text(right)
-    requests = []
-    page.on("request", lambda each: requests.append(each.url))
     page.goto(start_lab(f"{file}:velocity_verlet") + ROPE)
     own, fault = page.locator("#own"), page.locator("#own .fault")
-    expect(page.locator("#stepper-0")).to_have_value(re.compile("velocity_verlet"))
     expect(own).to_contain_text("all checks passed")
     file.write_text(right.replace("return x_new,", "return x_new x_new,"))
     expect(fault).to_contain_text("Line 9:")
-    expect(fault).to_contain_text("The version before it stays.")
     expect(page.locator(POINTS)).to_have_count(2)
     # It falls too fast: the verdict changes with the file.
     file.write_text(right.replace("dt / 2 * (a", "dt * (a"))
     expect(fault).to_have_count(0)
     expect(own).to_contain_text("a check failed")
-    assert all(each.startswith(("http://127.0.0.1:", "ws://127.0.0.1:")) for each in requests)
+
+
+@contextlib.contextmanager
+def server(package, folder, *words):
+    """A server of notebooks, by its address."""
+    pytest.importorskip(package)
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    command = [sys.executable, "-m", package, *words, f"--port={port}"]
+    # Not with the settings of whoever runs the tests.
+    homes = ("HOME", "JUPYTER_CONFIG_DIR", "JUPYTER_DATA_DIR", "JUPYTER_RUNTIME_DIR")
+    environment = os.environ | dict.fromkeys(homes, str(folder / "home"))
+    with (folder / "log").open("wb") as log:
+        process = subprocess.Popen(command, cwd=folder, env=environment, stdout=log, stderr=log)
+    try:
+        until(lambda: process.poll() is not None or is_served(port))
+        assert process.poll() is None, (folder / "log").read_text()
+        yield f"http://127.0.0.1:{port}"
+    finally:
+        process.terminate()
+        process.wait()
+
+
+def is_served(port):
+    with socket.socket() as page:
+        return page.connect_ex(("127.0.0.1", port)) == 0
+
+
+def until(done):
+    end = time.monotonic() + STARTS_IN_S
+    while not done() and time.monotonic() < end:
+        time.sleep(0.2)
+
+
+@pytest.fixture
+def opened(chromium):
+    # Not `page`: what these programs write to the console is not ours.
+    with chromium.new_page(viewport={"width": 1400, "height": 1000}) as page:
+        page.set_default_timeout(1000 * STARTS_IN_S)
+        yield page
+
+
+def use(opened):
+    """Press keys, and ask for what only Python knows."""
+    frame = opened.frame_locator(FRAME)
+    expect(frame.locator(POINTS)).to_have_count(2, timeout=1000 * STARTS_IN_S)
+    frame.locator("#picture").click()
+    opened.keyboard.press("=")
+    expect(frame.locator(POINTS)).to_have_count(4)
+    frame.locator("#stepper-add").select_option("velocity-verlet")
+    expect(frame.locator(POINTS)).to_have_count(6)
+    expect(frame.locator("#connection")).to_have_text("")
+
+
+def test_jupyterlab_shows_it_saves_it_and_exports_it(opened, tmp_path):
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(CELL)])
+    notebook.metadata["kernelspec"] = {"name": "python3", "display_name": "Python 3"}
+    path = tmp_path / "lab.ipynb"
+    nbformat.write(notebook, path)
+    words = ("--no-browser", "--allow-root", "--IdentityProvider.token=", "--LabApp.news_url=")
+    with server("jupyterlab", tmp_path, *words) as address:
+        opened.goto(f"{address}/lab/tree/lab.ipynb")
+        opened.locator(".jp-CodeCell .cm-content").first.click()
+        opened.keyboard.press("Shift+Enter")
+        use(opened)
+        opened.locator("jp-button[data-command='docmanager:save']").first.click()
+        until(lambda: "srcdoc" in path.read_text())
+    command = [sys.executable, "-m", "nbconvert", "--to", "html", str(path)]
+    subprocess.run(command, check=True, capture_output=True, cwd=tmp_path)
+    opened.context.set_offline(True)
+    opened.goto(path.with_suffix(".html").as_uri())
+    frame = opened.frame_locator(FRAME)
+    for pressed in range(3):
+        expect(frame.locator(POINTS)).to_have_count(2 + 2 * pressed)
+        frame.locator("#more").click()
+    expect(frame.locator(f"{STEPS} .plot-more").first).to_contain_text("order 3.9")
+
+
+def test_marimo_shows_it(opened, tmp_path):
+    (tmp_path / "app.py").write_text(MARIMO)
+    words = ("--yes", "run", "app.py", "--headless", "--no-token")
+    with server("marimo", tmp_path, *words) as address:
+        opened.goto(address)
+        use(opened)
