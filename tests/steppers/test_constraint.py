@@ -32,10 +32,7 @@ def assignments_program(x, lengths, rope, steps, sweeps):
 
 @pytest.mark.parametrize(
     ("pins", "dim", "steps", "sweeps"),
-    [
-        *(((), 2, 1, 1), ((0, 5), 3, 1, 1), ((1, 2), 2, 1, 1), ((0, 1, 3), 2, 1, 1)),
-        *(((0, 1, 2, 3, 4, 5), 2, 1, 1), ((0, 5), 3, 6, 3)),
-    ],
+    [((), 2, 1, 1), ((0, 1, 3), 2, 1, 1), ((0, 1, 2, 3, 4, 5), 2, 1, 1), ((0, 5), 3, 6, 3)],
 )
 def test_constraint_verlet_is_the_assignments_program_from_anywhere(pins, dim, steps, sweeps):
     random = np.random.default_rng([dim, len(pins)])
@@ -78,9 +75,8 @@ def test_too_long_a_step_is_no_wrong_number(gravity, status):
 
     Where that is so far that its square overflows, there is no equation to solve.
     """
-    problem = InextensibleRope(
-        start=(0, 0), end=(1, 0), num_nodes=4, gravity=(0.3 * gravity, -gravity)
-    ).problem(frames=3)
+    rope = InextensibleRope(start=(0, 0), end=(1, 0), num_nodes=4, gravity=(0, -gravity))
+    problem = rope.problem(frames=3)
     run = simulate(problem, "rattle", 1)
     assert (run.status, run.diverged_at) == (status, 1)
     assert np.array_equal(run.states, problem.y0[None])

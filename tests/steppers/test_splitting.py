@@ -17,34 +17,29 @@ from ropeode.steppers import STEPPERS
 COMPOSITIONS = [STEPPERS[name] for name in ("ruth3", "yoshida4", "pefrl", "yoshida6")]
 
 
-def product(one, other, longest):
-    """Of two series in words of letters that do not commute."""
-    found = {}
-    for (left, a), (right, b) in itertools.product(one.items(), other.items()):
-        if len(left) + len(right) <= longest:
-            found[left + right] = found.get(left + right, 0) + a * b
-    return found
-
-
-def exponential(letter, size, longest):
-    return {letter * n: Fraction(size) ** n / math.factorial(n) for n in range(longest + 1)}
-
-
 def largest_defects(substeps, longest):
     """Of exp(c1 A) exp(d1 B) exp(c2 A) ... from exp(A + B), for words of 1, 2, ... letters.
 
-    Computed without rounding, from the coefficients as they are stored.
+    A and B do not commute. Computed without rounding, from the coefficients as they are stored.
     """
-    series = {"": Fraction(1)}
+    words = ["".join(w) for n in range(longest + 1) for w in itertools.product("AB", repeat=n)]
+    series = {word: Fraction(not word) for word in words}
     for size, letter in zip(np.ravel(substeps), itertools.cycle("AB"), strict=False):
-        series = product(series, exponential(letter, float(size), longest), longest)
+        factor = [Fraction(float(size)) ** n / math.factorial(n) for n in range(longest + 1)]
+        # What ends in n of this letter, begins with any word.
+        series = {
+            word: sum(series[word[: len(word) - n]] * factor[n] for n in ending(word, letter))
+            for word in words
+        }
     return [
-        max(
-            float(abs(series.get("".join(word), 0) - Fraction(1, math.factorial(n))))
-            for word in itertools.product("AB", repeat=n)
-        )
+        max(float(abs(series[w] - Fraction(1, math.factorial(n)))) for w in words if len(w) == n)
         for n in range(1, longest + 1)
     ]
+
+
+def ending(word, letter):
+    """How many of a word's last letters may be taken from powers of one letter."""
+    return range(len(word) - len(word.rstrip(letter)) + 1)
 
 
 @pytest.mark.parametrize("stepper", COMPOSITIONS, ids=lambda stepper: stepper.name)
