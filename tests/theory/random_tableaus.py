@@ -1,9 +1,10 @@
-"""Runge-Kutta methods drawn at random, for property tests, and steps that are made of them."""
+"""Runge-Kutta methods drawn at random and published ones, and steps that are made of them."""
 
 from __future__ import annotations
 
 from fractions import Fraction
 
+import diffrax
 from hypothesis import strategies as st
 
 from ropeode.tableaus import NystromTableau, Tableau
@@ -48,3 +49,9 @@ def step_of(tableau):
         return tableau.step(lambda t, x, v: acceleration(t, x, v, args), t, x, v, dt)
 
     return step if isinstance(tableau, Tableau) else second_order_step
+
+
+def of_diffrax(name):
+    """The tableau that diffrax publishes with a solver."""
+    own = getattr(diffrax, name).tableau
+    return Tableau.of([[], *own.a_lower], own.b_sol, [0.0, *own.c])

@@ -12,11 +12,6 @@ def euler_in_numpy(rhs, t, y, dt, args):
     return np.asarray(y) + dt * np.asarray(rhs(t, y, args))
 
 
-def heun(rhs, t, y, dt, args):
-    k = rhs(t, y, args)
-    return y + dt / 2 * (k + rhs(t + dt, y + dt * k, args))
-
-
 def kick_in_numpy(acceleration, t, x, v, dt, args):
     """Semi-implicit Euler."""
     v = np.asarray(v) + dt * np.asarray(acceleration(t, x, v, args))
