@@ -6,13 +6,13 @@ import itertools
 
 import numpy as np
 import pytest
-from scipy import optimize
 from scipy.integrate import DOP853, RK45
 
-from ropeode.problems import Rope
+from ropeode.problems import InextensibleRope, Rope
 from ropeode.simulation import simulate
 from tests.steppers.every_variant import EVERY_PARAMETER
 from tests.steppers.ropes import in_space, sweep_links
+from tests.verification.extrapolation import rope_rhs
 
 ROPE = in_space(Rope, stiffness=(30.0, 20.0, 45.0, 10.0))
 PROBLEM = ROPE.problem(frames=3)
@@ -28,16 +28,22 @@ INVERSE_MASS, RATE = FREE / MASS, FREE * DAMPING / MASS
 GRAVITY = FREE * np.array(ROPE.gravity)
 
 
+def slope_of(problem):
+    """Of positions and velocities as one array; also of complex ones, for derivatives."""
+    rhs = rope_rhs(problem.args)
+
+    def slope(x, v):
+        y = np.swapaxes([x, v], 1, 2)
+        return np.swapaxes(rhs(0.0, y[None])[0], 1, 2).astype(y.dtype)
+
+    return slope
+
+
+slope, rigid_slope = slope_of(PROBLEM), slope_of(in_space(InextensibleRope).problem(1))
+
+
 def acceleration(x, v):
-    """Gravity and damping, and the force of each spring on its two nodes."""
-    force = MASS * GRAVITY - DAMPING * v + 0.0 * x
-    for i, k in enumerate(ROPE.stiffness):
-        gap = x[i + 1] - x[i]
-        # Not NumPy's norm: an imaginary part is a derivative below.
-        length = np.sqrt(np.sum(gap**2))
-        force[i] += k * (length - REST[i]) * gap / length
-        force[i + 1] -= k * (length - REST[i]) * gap / length
-    return INVERSE_MASS * force
+    return slope(x, v)[1]
 
 
 def undamped(x):
@@ -60,11 +66,6 @@ def velocity_verlet(x, v):
     middle = v + DT / 2 * (undamped(x) - RATE * v)
     x = x + DT * middle
     return x, (middle + DT / 2 * undamped(x)) / (1 + RATE * DT / 2)
-
-
-def slope(x, v):
-    """Of positions and velocities as one array."""
-    return np.stack([v, acceleration(x, v)])
 
 
 def runge_kutta(*rows):
@@ -165,18 +166,10 @@ def squares(x):
     return np.sum(np.diff(x, axis=0) ** 2, axis=1)
 
 
-def pulls(x, needed, inverse_mass, along=None):
+def pulls(x, needed, inverse_mass, along):
     """The smallest change of node vectors, by pulls along the links, that stretches as needed."""
-    rows = stretching(x)
-    weighted = np.broadcast_to(inverse_mass, x.shape).ravel()[:, None] * rows.T
-    across = rows if along is None else stretching(along)
-    return (weighted @ np.linalg.solve(across @ weighted, needed)).reshape(x.shape)
-
-
-def rigid_acceleration(x, v):
-    applied = GRAVITY - RATE * v
-    needed = -squares(v) - stretching(x) @ applied.ravel()
-    return applied + pulls(x, needed, INVERSE_MASS)
+    weighted = np.broadcast_to(inverse_mass, x.shape).ravel()[:, None] * stretching(x).T
+    return (weighted @ np.linalg.solve(stretching(along) @ weighted, needed)).reshape(x.shape)
 
 
 def swept(x, sweeps):
@@ -186,11 +179,11 @@ def swept(x, sweeps):
     return x
 
 
-def two_step(own, forces, acceleration, sweeps=0):
+def two_step(own, forces, slope, sweeps=0):
     """Positions from the two before, which are swept first; velocities are their differences."""
 
     def run(x, v, steps):
-        taylor = x - DT * v + DT**2 / 2 * acceleration(x, v)
+        taylor = x - DT * v + DT**2 / 2 * slope(x, v)[1]
         used, made = [taylor if own.start == "taylor" else x], [x]
         for _ in range(steps + 1):
             used.append(swept(made[-1], sweeps))
@@ -207,11 +200,11 @@ def rattle(x, v):
     for _ in range(60):
         ahead = x + DT * middle
         wrong = squares(START) - squares(ahead)
-        middle = middle + pulls(x, wrong / (2 * DT), INVERSE_MASS, along=ahead)
+        middle = middle + pulls(x, wrong / (2 * DT), INVERSE_MASS, ahead)
     x = x + DT * middle
     v = (middle + DT / 2 * GRAVITY) / (1 + RATE * DT / 2)
     # The pulls act on the new velocity, which its own damping already brakes.
-    return x, v + pulls(x, -stretching(x) @ v.ravel(), INVERSE_MASS / (1 + RATE * DT / 2))
+    return x, v + pulls(x, -stretching(x) @ v.ravel(), INVERSE_MASS / (1 + RATE * DT / 2), x)
 
 
 def kicked(damping, v, a, h):
@@ -316,9 +309,9 @@ def derivative(function, y):
 
 def root(function, guess, newton):
     """Where a function is zero; or where it is, linearised at the guess."""
-    if newton == "converged":
-        guess = optimize.fsolve(function, guess, xtol=1e-10)
-    return guess - np.linalg.solve(derivative(function, guess), function(guess))
+    for _ in range(20 if newton == "converged" else 1):
+        guess = guess - np.linalg.solve(derivative(function, guess), function(guess))
+    return guess
 
 
 R = np.sqrt(3.0) / 6
@@ -377,10 +370,8 @@ PLAIN = {
     "rattle": rattle,
 }
 WITH_OPTIONS = {
-    "stormer-verlet": lambda own: two_step(own, undamped, acceleration),
-    "constraint-verlet": lambda own: two_step(
-        own, lambda x: GRAVITY, rigid_acceleration, own.sweeps
-    ),
+    "stormer-verlet": lambda own: two_step(own, undamped, slope),
+    "constraint-verlet": lambda own: two_step(own, lambda x: GRAVITY, rigid_slope, own.sweeps),
     "leapfrog": lambda own: leapfrog(own.form, own.damping),
     "pbd": lambda own: position_based(own.iterations, own.sweep, springs=False),
     "xpbd": lambda own: position_based(own.iterations, own.sweep, own.substeps),

@@ -54,18 +54,10 @@ def test_order_conditions(stepper):
     assert np.allclose(flat, flat[::-1], rtol=0, atol=1e-15) == (stepper.name != "ruth3")
 
 
-EVALUATIONS = {
-    "leapfrog": 1,
-    "leapfrog:form=drift-kick-drift": 1,
-    "leapfrog:form=staggered": 1,
-    "ruth3": 3,
-    "yoshida4": 3,
-    "pefrl": 4,
-    "yoshida6": 7,
-}
+FORMS = ("leapfrog", "leapfrog:form=drift-kick-drift", "leapfrog:form=staggered")
 
 
-@pytest.mark.parametrize("label", EVALUATIONS)
+@pytest.mark.parametrize("label", [*FORMS, *(stepper.name for stepper in COMPOSITIONS)])
 def test_without_forces_damping_is_exact(label):
     """However long the step and strong the damping; and a constant force is left at its speed."""
     rate = np.array([[0.0], [1e-300], [1e-17], [1e-9], [1e-5], [0.5], [30.0]])
@@ -90,5 +82,3 @@ def test_without_forces_damping_is_exact(label):
             exact = np.exp(-rate * t) * v0 + pull * lasting
             # Substeps back in time lose digits: kicks of up to -1.7 dt multiply by exp(1.7 r dt).
             np.testing.assert_allclose(v, exact, rtol=1e-12, atol=1e-12)
-    more = simulate(problem, label, 7).rhs_evaluations - run.rhs_evaluations
-    assert more / (6 * problem.frames) == EVALUATIONS[label]

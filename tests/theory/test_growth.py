@@ -29,8 +29,8 @@ def hanging_chain(mass, stiffness, length):
     found = []
     # Along the rope its springs, and tension/length across it.
     for spring in (stiffness, tension / np.diff(place)):
-        full = np.diag(np.append(spring, 0) + np.append(0, spring))
-        matrix = (full - np.diag(spring, 1) - np.diag(spring, -1))[1:, 1:]
+        gaps = np.diff(np.eye(len(mass)), axis=0)[:, 1:]
+        matrix = gaps.T @ np.diag(spring) @ gaps
         found.append(linalg.eigh(matrix, np.diag(mass[1:]), eigvals_only=True))
     return place, np.sort(np.sqrt(np.concatenate(found)))
 

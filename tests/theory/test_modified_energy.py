@@ -32,9 +32,8 @@ def test_the_correction_is_that_of_the_formula(stepper, formula):
 @SLOW
 @pytest.mark.parametrize(("stepper", "order"), [("semi-implicit-euler", 1), ("velocity-verlet", 2)])
 def test_it_is_kept_to_twice_the_order(stepper, order):
-    energies = [
-        modified_energy_of(PROBLEMS["pendulum"](frames=6), stepper, steps) for steps in (12, 24)
-    ]
+    problem = PROBLEMS["pendulum"](frames=6)
+    energies = [modified_energy_of(problem, stepper, steps) for steps in (12, 24)]
     assert {each.order for each in energies} == {order}
     drifts = [[np.ptp(each.energy), np.ptp(each.modified)] for each in energies]
     # Both expansions go on in such steps: of Verlet in dt^2.

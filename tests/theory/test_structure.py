@@ -54,46 +54,38 @@ def test_a_rope(stepper, kept, powers):
     assert {name: found[name].power for name in powers} == powers
     for name in ALL:
         assert found[name].note == ("without pins and gravity" if "momentum" in name else "")
-        defect = found[name].defect
-        assert defect is not None
-        assert (defect > 1e-6) != (name in kept)
-
-
-def test_a_planet_keeps_its_angular_momentum():
-    found = structure_of(KEPLER, "velocity-verlet", ["angular momentum", "momentum"])
-    assert (found["angular momentum"].holds, found["angular momentum"].note) == (True, "")
-    assert found["momentum"].holds is None
-    assert "no component of it" in found["momentum"].note
-
-
-@SLOW
-def test_momenta_may_depend_on_the_positions():
-    """The double pendulum's mass matrix does: kicks of its velocities are not symplectic."""
-    found = structure_of(PROBLEMS["double-pendulum"](), "semi-implicit-euler", ["symplectic"])
-    assert (found["symplectic"].holds, found["symplectic"].power) == (False, 2)
+        assert (found[name].defect > 1e-6) != (name in kept)
 
 
 def moving(acceleration):
     return Problem.second_order(acceleration, [[1.0]], [[0.0]], np.arange(3.0))
 
 
+GROWS, DRIVEN = (
+    moving(lambda t, x, v, args: -x + 0.1 * v),
+    moving(lambda t, x, v, args: 0.8 * t - x),
+)
+OSCILLATOR, PENDULA = PROBLEMS["oscillator"](damping=0.0), PROBLEMS["double-pendulum"]()
+
+
 @pytest.mark.parametrize(
-    ("acceleration", "only"),
+    ("problem", "stepper", "name", "expected", "words"),
     [
-        (lambda t, x, v, args: -x + 0.1 * v, ALL),
-        (lambda t, x, v, args: -x + 0.8 * t, ("reversible", "volume")),
+        (KEPLER, "velocity-verlet", "angular momentum", True, ""),
+        (KEPLER, "velocity-verlet", "momentum", None, "no component of it"),
+        # What a problem does not keep no step is asked for.
+        *((GROWS, "explicit-euler", name, None, "") for name in ALL),
+        *((DRIVEN, "explicit-euler", name, None, "") for name in ("reversible", "volume")),
+        # It is no map.
+        (OSCILLATOR, RemembersThreeStates(), "symplectic", None, "remembers more"),
+        # Its mass matrix depends on the positions: kicks of its velocities are not symplectic.
+        pytest.param(PENDULA, "semi-implicit-euler", "symplectic", False, "", marks=SLOW),
     ],
 )
-def test_what_a_problem_does_not_keep_no_step_is_asked_for(acceleration, only):
-    found = structure_of(moving(acceleration), "explicit-euler", [*only])
-    assert {each.holds for each in found.values()} == {None}
-
-
-def test_what_remembers_more_than_it_shows_is_no_map():
-    problem = PROBLEMS["oscillator"](damping=0.0)
-    found = structure_of(problem, RemembersThreeStates(), ["symplectic"])["symplectic"]
-    assert found.holds is None
-    assert "remembers more" in found.note
+def test_other_problems(problem, stepper, name, expected, words):
+    found = structure_of(problem, stepper, [name])[name]
+    assert found.holds is expected
+    assert words in found.note
 
 
 @pytest.mark.parametrize(

@@ -38,21 +38,20 @@ def test_every_explicit_method_is_found_exactly(tableau):
     assert tableau_of(step_of(tableau)) == (tableau, "")
 
 
-NAMES = ("the implicit trapezoidal rule", "Alexander's SDIRK2", "Radau IIA of order 5")
-
-
 @pytest.mark.parametrize(
-    ("stepper", "name"),
+    ("name", "stepper"),
     [
-        *((step_of(IMPLICIT[name]), name) for name in NAMES),
+        ("the implicit trapezoidal rule", None),
+        ("Alexander's SDIRK2", None),
+        ("Radau IIA of order 5", None),
         # The stage at the later time comes first.
-        pytest.param("gauss4", "the Gauss method of order 4", marks=SLOW),
-        pytest.param("diffrax:ImplicitEuler", "implicit Euler", marks=SLOW),
+        pytest.param("the Gauss method of order 4", "gauss4", marks=SLOW),
+        pytest.param("implicit Euler", "diffrax:ImplicitEuler", marks=SLOW),
     ],
 )
-def test_implicit_methods_are_found(stepper, name):
+def test_implicit_methods_are_found(name, stepper):
     """The equations are solved by iterations until nothing changes."""
-    found = tableau_of(stepper)
+    found = tableau_of(stepper or step_of(IMPLICIT[name]))
     assert found.tableau is not None, found.reason
     assert equal(found.tableau, IMPLICIT[name])
 
@@ -148,39 +147,27 @@ def moved(change):
     return lambda rhs, t, y, dt, args: change(euler_in_numpy(rhs, t, y, dt, args), y, t, dt)
 
 
+def of_forces(change):
+    """The new positions and velocities by what is done with the old ones and the acceleration."""
+    return lambda acceleration, t, x, v, dt, args: change(x, v, acceleration(t, x, v, args), dt)
+
+
 calls = []
 
 
-def counting(rhs, t, y, dt, args):
+def counting(new, y, t, dt):
     calls.append(t)
-    return y + dt * (1.0 + 1e-9 * len(calls)) * rhs(t, y, args)
-
-
-def in_float32(rhs, t, y, dt, args):
-    return y + dt * rhs(t, y, args).astype(np.float32).astype(float)
-
-
-def per_step(acceleration, t, x, v, dt, args):
-    x_new = x + (1 - 5e-5) * v * dt + dt**2 * acceleration(t, x, v, args)
-    return x_new, (x_new - x) / dt
-
-
-def slow_drift(acceleration, t, x, v, dt, args):
-    return x + dt / 2 * v, v + dt * acceleration(t, x, v, args)
-
-
-def drawn_back(acceleration, t, x, v, dt, args):
-    return x + dt * v, v + dt * acceleration(t, x, v, args) - x / dt
-
-
-def own_forces(acceleration, t, x, v, dt, args):
-    v = v - dt * 9.81
-    return x + dt * v, v
+    return y + (1.0 + 1e-9 * len(calls)) * (new - y)
 
 
 def adaptive(rhs, t, y, dt, args):
     k = rhs(t, y, args)
     return y + dt * k if np.max(np.abs(rhs(t + dt, y + dt * k, args) - k)) < 1.0 else y
+
+
+def per_step(x, v, a, dt):
+    x_new = x + (1 - 5e-5) * v * dt + dt**2 * a
+    return x_new, (x_new - x) / dt
 
 
 @pytest.mark.parametrize(
@@ -192,13 +179,13 @@ def adaptive(rhs, t, y, dt, args):
         (moved(lambda new, y, t, dt: new - 5e-5 * y), "multiplies the state by 0.99995"),
         (moved(lambda new, y, t, dt: new + 0.001), "not a sum"),
         (moved(lambda new, y, t, dt: new * np.nan), "not-a-number"),
-        (own_forces, "asks for no slope"),
-        (counting, "hidden state"),
-        (in_float32, "up to a relative error of"),
-        (per_step, "multiplies the velocities by 0.99995 in its result"),
-        (slow_drift, "the velocities on their way into the positions by 0.5"),
-        (drawn_back, "velocities from positions"),
         (adaptive, "small states"),
+        (moved(lambda new, y, t, dt: y + np.float32(new - y)), "up to a relative error of"),
+        (moved(counting), "hidden state"),
+        (lambda rhs, t, y, dt, args: y - dt * 9.81, "asks for no slope"),
+        (of_forces(per_step), "multiplies the velocities by 0.99995 in its result"),
+        (of_forces(lambda x, v, a, dt: (x + dt / 2 * v, v + dt * a)), "on their way into the"),
+        (of_forces(lambda x, v, a, dt: (x + dt * v, v + dt * a - x / dt)), "from positions"),
         (lambda rhs, t, y, dt, args: 1 / 0, "ZeroDivisionError"),
         ("constraint-verlet", "nodes in a row"),
         pytest.param("diffrax:ReversibleHeun", "carries memory", marks=SLOW),
