@@ -110,31 +110,6 @@ def test_never_a_number_without_evidence(runs, rounding):
         assert found.verdict != "converges" or np.floor(high) <= np.ceil(low)
 
 
-@given(
-    order=st.floats(0.6, 8),
-    bend=st.floats(-0.5, 0.5),
-    noise=st.lists(st.floats(-0.05, 0.05), min_size=4, max_size=4),
-    claimed=st.sampled_from([None, 1, 2, 3, 4, 6]),
-)
-def test_an_interval_that_holds_another_order_gives_no_verdict(order, bend, noise, claimed):
-    """The same line is fitted, whatever its interval may be; only the verdict is withheld."""
-    dts = DTS[: len(noise)]
-    errors = dts**order * np.exp(bend * dts / dts[0] + noise)
-    fit = observed_order(dts, errors, claimed=0)
-    assume(len(fit.used) == len(dts) and fit.ci95[0] > 0)
-    low, high = fit.ci95
-    limited = observed_order(dts, errors, claimed=claimed)
-    if claimed is None:
-        whole = np.floor(high) - np.ceil(low) + 1
-        decides = whole == 1 or (whole == 0 and high - low <= 0.25)
-    else:
-        # It excludes the claimed order, or each lower one.
-        decides = high < claimed - 0.25 or low > claimed - 1
-    assert (limited == fit) == decides
-    assert decides or limited.verdict == "undetermined"
-    assert decides or limited.add == tuple(dts[-1] / 2.0 ** np.arange(1, 3))
-
-
 # Of rk4 on y' = |t - 0.737| - y, which is of order 2 there, with 16 to 4096 steps.
 KINK = (7.989e-5, 2.559e-5, 5.195e-6, 4.655e-8, 2.109e-8, 1.083e-8, 4.888e-9, 2.941e-9)
 # Of explicit Euler on the default rope.
@@ -151,8 +126,16 @@ def test_points_on_a_line_after_a_smooth_bend_are_an_order():
         assert observed_order(DTS[: kept + 1], broken).verdict == verdict
     # Where an order is claimed, three points that have it are enough.
     assert observed_order(DTS[:4], [1.0, *DTS[1:4] ** 2], claimed=2).verdict == "converges"
-    # Three of these decide nothing.
+
+
+def test_one_step_size_more_or_a_claim_decides():
+    """A claim does where the interval holds no lower order."""
     assert observed_order(DTS[:4], EULER).verdict == "converges"
+    assert observed_order(DTS[:3], EULER[:3], claimed=1).verdict == "converges"
+    for claimed in (None, 2):
+        undecided = observed_order(DTS[:3], EULER[:3], claimed=claimed)
+        assert undecided.verdict == "undetermined"
+        assert undecided.add == tuple(DTS[3:5])
 
 
 @pytest.mark.parametrize("scattered", [1, 13])

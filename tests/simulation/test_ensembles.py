@@ -129,8 +129,7 @@ def test_a_run_in_which_all_diverge_stops_early():
 
 def test_one_inextensible_rope_that_fails_leaves_the_others_alone():
     """Its step is too long for the lengths to be kept; that of the others is not."""
-    gravities = ((0, -1, 0), (0, -1e5, 0), (0, -0.5, 0))
-    problems = [in_space(InextensibleRope, gravity=g, damping=0.5).problem(4) for g in gravities]
+    problems = [in_space(InextensibleRope, gravity=(0, -g, 0)).problem(4) for g in (1, 1e5, 0.5)]
     found, _ = side_by_side(problems, "rattle", 16, ulps=2000)
     assert [each.status for each in found] == ["ok", "unsolved", "ok"]
 

@@ -35,8 +35,8 @@ EVERY_VARIANT = [
 _BY_CODE = {cls.step: cls for cls in reversed(STEPPERS.values())}
 REPRESENTATIVES = [cls.name for cls in STEPPERS.values() if _BY_CODE[cls.step] is cls]
 # Each option is code of its own: two of them together do what each of them does. Damping is the
-# same code in both Verlet steppers, a single iteration in all implicit ones, and test_constraint.py
-# has sweeps.
+# same code in both Verlet steppers, a single iteration in all implicit ones, and
+# test_position_based.py has sweeps.
 _AS_OTHERS = (
     *("constraint-verlet:damping=lagged", "constraint-verlet:sweeps=3"),
     *("trapezium:newton=1", "bdf2:newton=1"),

@@ -215,7 +215,7 @@ def kicked(damping, v, a, h):
     return np.where(RATE > 0, ends + np.exp(-RATE * h) * (v - ends), v + h * a)
 
 
-# Kicks k and drifts d of parts of dt. test_splitting.py has the order conditions of longer ones.
+# Kicks k and drifts d of parts of dt. test_tableaus.py has the order conditions of longer ones.
 COMPOSITIONS = {
     "semi-implicit-euler": [("k", 1), ("d", 1)],
     "kick-drift-kick": [("k", 1 / 2), ("d", 1), ("k", 1 / 2)],
@@ -324,29 +324,28 @@ MATRICES = {
 }
 
 
-def runge_kutta_equations(y, before, matrix, newton):
-    def off(slopes):
-        k = slopes.reshape(len(matrix), -1)
-        return (k - [flat_slope(y + DT * row @ k) for row in matrix]).reshape(-1)
-
-    # With slopes of zero all stages are at the old state.
-    k = root(off, np.zeros(len(matrix) * len(y)), newton).reshape(len(matrix), -1)
-    return y + DT * np.mean(k, axis=0)
-
-
-def bdf2_equations(y, before, matrix, newton):
-    return root(lambda new: 3 / 2 * new - 2 * y + before / 2 - DT * flat_slope(new), y, newton)
-
-
 def implicit(name, newton):
     """The equations of the whole state, solved together."""
-    step = bdf2_equations if name == "bdf2" else runge_kutta_equations
+
+    def bdf2(y, before):
+        return root(lambda new: 3 / 2 * new - 2 * y + before / 2 - DT * flat_slope(new), y, newton)
+
+    def by_stages(y, before):
+        matrix = MATRICES[name]
+
+        def off(slopes):
+            k = slopes.reshape(len(matrix), -1)
+            return (k - [flat_slope(y + DT * row @ k) for row in matrix]).reshape(-1)
+
+        # With slopes of zero all stages are at the old state.
+        k = root(off, np.zeros(len(matrix) * len(y)), newton).reshape(len(matrix), -1)
+        return y + DT * np.mean(k, axis=0)
 
     def run(x, v, steps):
         y = np.stack([x, v]).reshape(-1)
         before = y - DT * flat_slope(y)
         for _ in range(steps):
-            y, before = step(y, before, MATRICES.get(name), newton), y
+            y, before = (bdf2 if name == "bdf2" else by_stages)(y, before), y
         return y.reshape(2, 5, 3)
 
     return run

@@ -16,8 +16,9 @@ from scipy import integrate
 from ropeode.checking import undamped
 from ropeode.problems import PROBLEMS, Problem, Rope
 from ropeode.simulation import simulate
-from ropeode.steppers import ProblemClass, Stepper, as_stepper, by_family
+from ropeode.steppers import ProblemClass, as_stepper, by_family
 from ropeode.theory import structure_of
+from tests.theory.steps import WithMemory
 
 IMPLICIT = [each.name for each in by_family()["implicit"]]
 
@@ -166,7 +167,7 @@ def test_evaluations_are_those_of_a_linear_problem():
         assert (run.rhs_evaluations, run.jacobian_evaluations) == (of_rhs, of_jacobian)
 
 
-class GivesUp(Stepper):
+class GivesUp(WithMemory):
     """A user's stepper in plain Python that stops iterating after its third step."""
 
     compiled = False
@@ -177,9 +178,6 @@ class GivesUp(Stepper):
     def step(self, system, t, carried, dt):
         y, n = carried
         return (y + dt * system.rhs(t, y) if n < 3 else np.nan * y), n + 1
-
-    def state(self, system, t, carried, dt):
-        return carried[0]
 
     def solved(self, carried):
         return carried[1] <= 3
