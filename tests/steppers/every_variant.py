@@ -69,10 +69,3 @@ def slow_if(slow: Callable[[BuiltIn], bool]) -> list[Any]:
 
 
 EVERY_PARAMETER = slow_if(lambda each: False)
-
-
-def every_name(*fast: str) -> list[Any]:
-    """The names of all steppers, as test parameters; all but these are marked `slow`."""
-    return [
-        pytest.param(name, marks=[] if name in fast else [pytest.mark.slow]) for name in STEPPERS
-    ]

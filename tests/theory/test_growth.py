@@ -10,8 +10,8 @@ from ropeode.analysis import frequencies, hanging_equilibrium
 from ropeode.errors import InputError
 from ropeode.problems import PROBLEMS, InextensibleRope, Problem, Rope
 from ropeode.simulation import simulate
+from ropeode.steppers import STEPPERS
 from ropeode.theory import growth_per_frame, stability_limit
-from tests.steppers.every_variant import every_name
 from tests.theory.steps import EulerAndHeunInTurns, Ramp, euler_in_numpy
 
 SLOW = pytest.mark.slow
@@ -179,7 +179,9 @@ def test_damping_per_step_grows_with_the_steps():
     assert found.rate == pytest.approx(-(OMEGA[0] ** 2) / 102.4, rel=0.01)
 
 
-@pytest.mark.parametrize("name", every_name("constraint-verlet"))
+@pytest.mark.parametrize(
+    "name", ["constraint-verlet", *(pytest.param(each, marks=SLOW) for each in STEPPERS)]
+)
 def test_every_stepper_can_be_linearised(name):
     problem = (Rope if name != "rattle" else InextensibleRope)(**SMALL, damping=0.1).problem(2)
     found = growth_per_frame(problem, name, 5000)

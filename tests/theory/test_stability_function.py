@@ -194,8 +194,7 @@ def damped():
 
 
 @pytest.mark.parametrize(
-    "stepper",
-    [kick_in_numpy, *(pytest.param(name, marks=SLOW) for name in (*FOR_FORCES, LAGGED))],
+    "stepper", [kick_in_numpy, *(pytest.param(name, marks=SLOW) for name in (*FOR_FORCES, LAGGED))]
 )
 def test_what_is_predicted_is_measured(damped, stepper):
     found = linear_stability_of(damped, stepper)

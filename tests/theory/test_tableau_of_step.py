@@ -75,8 +75,7 @@ def test_a_few_iterations_of_an_implicit_method_are_an_explicit_one():
 
 
 @pytest.mark.parametrize(
-    "name",
-    ["scipy:DOP853", "diffrax:Bosh3", pytest.param("diffrax:Dopri8", marks=SLOW)],
+    "name", ["scipy:DOP853", "diffrax:Bosh3", pytest.param("diffrax:Dopri8", marks=SLOW)]
 )
 def test_tableaus_of_libraries_from_their_compiled_steps(name):
     library, method = name.split(":")

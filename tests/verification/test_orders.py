@@ -169,14 +169,12 @@ def truth_of(case: str) -> tuple[np.ndarray, Callable[[Norm], float]]:
         known = reference(problem)
         assert known.horizon is None
         return known.states, lambda norm: float(resolution(known, norm)[-1])
-    others = {"driven": driven_in_numpy, "riccati": riccati_in_numpy}
-    if case in others:
-        states = integrate(others[case], problem.y0, problem.ts)
-    else:
-        states = rope_solution(problem)
-    states = states.astype(np.float64)
+    rhs = {"driven": driven_in_numpy, "riccati": riccati_in_numpy}.get(case)
+    states = integrate(rhs, problem.y0, problem.ts) if rhs else rope_solution(problem)
     # What steppers round off is a few hundred times more than this.
-    return states, lambda norm: 16 * float(np.finfo(np.float64).eps) * problem.scale
+    return states.astype(
+        np.float64
+    ), lambda norm: 16 * float(np.finfo(np.float64).eps) * problem.scale
 
 
 def steps_of(case: str, stepper: BuiltIn) -> list[int]:
