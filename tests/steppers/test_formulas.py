@@ -309,8 +309,9 @@ def derivative(function, y):
 
 def root(function, guess, newton):
     """Where a function is zero; or where it is, linearised at the guess."""
-    for _ in range(20 if newton == "converged" else 1):
-        guess = guess - np.linalg.solve(derivative(function, guess), function(guess))
+    inverse = np.linalg.inv(derivative(function, guess))
+    for _ in range(40 if newton == "converged" else 1):
+        guess = guess - inverse @ function(guess)
     return guess
 
 
