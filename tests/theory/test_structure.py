@@ -61,7 +61,6 @@ def test_a_rope(stepper, kept, powers):
         assert (found[name].defect > 1e-6) != (name in kept)
 
 
-@SLOW
 def test_momenta_may_depend_on_the_positions():
     """The double pendulum's mass matrix does: kicks of its velocities are not symplectic."""
     found = structure_of(PROBLEMS["double-pendulum"](), "semi-implicit-euler", ["symplectic"])
