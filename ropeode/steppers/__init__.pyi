@@ -4,10 +4,7 @@ from .base import ProblemClass as ProblemClass
 from .base import Stepper as Stepper
 from .base import System as System
 from .constraint import ConstraintVerlet as ConstraintVerlet
-from .constraint import Rattle as Rattle
 from .diffrax_solvers import DiffraxStepper as DiffraxStepper
-from .euler import ExplicitEuler as ExplicitEuler
-from .euler import SemiImplicitEuler as SemiImplicitEuler
 from .functions import StepFunction as StepFunction
 from .phase import Phase as Phase
 from .registry import STEPPERS as STEPPERS
@@ -35,4 +32,3 @@ from .stepper_loading import users_file as users_file
 from .templates import TEMPLATES as TEMPLATES
 from .templates import template as template
 from .verlet import StormerVerlet as StormerVerlet
-from .verlet import VelocityVerlet as VelocityVerlet

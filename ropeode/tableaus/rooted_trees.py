@@ -53,14 +53,6 @@ class Tree(NamedTuple):
             math.factorial(count) * branch.symmetry**count for branch, count in counts.items()
         )
 
-    @property
-    def name(self) -> str:
-        """In Butcher's brackets, as in ``[τ[τ]]``; nodes of other colours are named by these."""
-        node = "τ" if self.colour == "y" else self.colour
-        inside = "".join(branch.name for branch in self.branches)
-        root = "" if self.colour == "y" else self.colour
-        return f"{root}[{inside}]" if inside else node
-
 
 def trees_of_order(order: int, colours: dict[str, tuple[str, ...]], root: str) -> tuple[Tree, ...]:
     """All trees with so many nodes.

@@ -19,19 +19,18 @@ def known():
     """A run as if it were exact, known to 1e-9."""
     problem = Rope(num_nodes=4).problem(frames=6)
     exact = exact_reference(problem, simulate(problem, "rk4", 8).states)
-    bounds = dict.fromkeys(problem.quantities, np.full(7, 1e-9))
-    return dataclasses.replace(
-        exact, certificate=dataclasses.replace(exact.certificate, bounds=bounds)
-    )
+    return certified(exact, bounds=dict.fromkeys(problem.quantities, np.full(7, 1e-9)))
+
+
+def certified(known, **facts):
+    return dataclasses.replace(known, certificate=dataclasses.replace(known.certificate, **facts))
 
 
 def moved(known, offsets):
     """The reference as a run that is wrong by given distances at one node."""
-    run = simulate(known.problem, "rk4", 8)
     states = known.states.copy()
-    states[:, 0, 0, 2] += 0.6 * np.array(offsets)
-    states[:, 0, 1, 2] -= 0.8 * np.array(offsets)
-    return dataclasses.replace(run, states=states)
+    states[:, 0, :, 2] += np.outer(offsets, (0.6, -0.8))
+    return dataclasses.replace(simulate(known.problem, "rk4", 8), states=states)
 
 
 def test_summaries(known):
@@ -55,16 +54,13 @@ def test_what_the_reference_cannot_tell_is_no_number(known):
 
 
 def test_samples_past_the_horizon_are_not_judged(known):
-    short = dataclasses.replace(
-        known, certificate=dataclasses.replace(known.certificate, trusted=4)
-    )
-    series = error_series(moved(known, [0, 1, 2, 3, 100, 100, 100]), short)
+    series = error_series(moved(known, [0, 1, 2, 3, 100, 100, 100]), certified(known, trusted=4))
     assert (series.max, series.final) == (pytest.approx(3.0), pytest.approx(3.0))
 
 
 def test_huge_errors_stay_numbers(known):
     series = error_series(moved(known, [0] * 6 + [1e300]), known)
-    assert all(np.isfinite(value) for value in (series.max, series.final, series.rms))
+    assert np.all(np.isfinite([series.max, series.final, series.rms]))
 
 
 def test_misuse(known):

@@ -31,10 +31,7 @@ def polynomial(t, y, factors):
 
 @pytest.mark.parametrize(
     ("rates", "largest", "sign"),
-    [
-        ((0.5, -2.0), 0.5, "positive"),
-        ((0.0, -1.0), 0.0, "not told from zero"),
-    ],
+    [((0.5, -2.0), 0.5, "positive"), ((0.0, -1.0), 0.0, "not told from zero")],
 )
 def test_linear_systems_have_their_eigenvalue(rates, largest, sign):
     # Of frames that get longer.

@@ -16,17 +16,16 @@ from ropeode.errors import InputError
     order=st.floats(0.6, 8),
     constant=st.floats(1e-3, 1e3),
     ratios=st.lists(st.floats(1.2, 4), min_size=2, max_size=8),
-    data=st.data(),
+    random=st.randoms(),
 )
-def test_power_laws_are_found_exactly(order, constant, ratios, data):
-    dts = np.cumprod([0.1, *(1 / r for r in ratios)])
-    shuffled = data.draw(st.permutations(list(dts)))
-    found = observed_order(shuffled, [constant * dt**order for dt in shuffled])
+def test_power_laws_are_found_exactly(order, constant, ratios, random):
+    dts = list(np.cumprod([0.1, *(1 / r for r in ratios)]))
+    random.shuffle(dts)
+    found = observed_order(dts, [constant * dt**order for dt in dts])
     assert found.verdict == "converges"
     assert found.observed == pytest.approx(order, abs=1e-6)
     assert found.ci95[0] - 1e-9 <= order <= found.ci95[1] + 1e-9
     assert found.used == tuple(sorted(dts, reverse=True))
-    assert found.left_out == ()
 
 
 def test_interval_covers_the_order():
@@ -45,10 +44,9 @@ def test_interval_covers_the_order():
             covered.append(found.ci95[0] <= order <= found.ci95[1])
             shown.append(observed_order(dts, errors).verdict == "converges")
     assert len(covered) > 740
-    assert np.mean(covered) > 0.95
-    # Those with no more than one whole order are as honest as the others.
+    # Those with no more than one whole order are as honest as all.
     assert np.mean(shown) > 0.9
-    assert np.mean(np.array(covered)[shown]) > 0.95
+    assert min(np.mean(covered), np.mean(np.array(covered)[shown])) > 0.95
 
 
 DTS = 0.1 / 2.0 ** np.arange(10)
@@ -91,17 +89,14 @@ def test_plateau_does_not_converge(level, order):
     assert abs(found.observed) < 0.05
 
 
+anything = st.one_of(st.none(), st.floats(0, 1e300), st.just(np.inf))
+
+
 @settings(max_examples=150)
-@given(
-    errors=st.lists(
-        st.one_of(st.none(), st.floats(0, 1e300), st.just(np.inf)), min_size=1, max_size=12
-    ),
-    data=st.data(),
-)
-def test_never_a_number_without_evidence(errors, data):
-    steps = data.draw(st.lists(st.floats(1e-6, 1), min_size=len(errors), max_size=len(errors)))
+@given(st.lists(st.tuples(st.floats(1e-6, 1), anything), min_size=1, max_size=12), st.floats(0, 1))
+def test_never_a_number_without_evidence(runs, rounding):
+    steps, errors = zip(*runs, strict=True)
     assume(len({round(np.log(dt), 3) for dt in steps}) == len(steps))
-    rounding = data.draw(st.floats(0, 1))
     found = observed_order(steps, errors, rounding=rounding, resolution=1e-10, motion=1e3)
     assert sorted([*found.used, *(point.dt for point in found.left_out)]) == sorted(steps)
     if found.verdict == "undetermined":
@@ -113,33 +108,6 @@ def test_never_a_number_without_evidence(errors, data):
         assert low <= found.observed <= high
         assert (found.verdict == "converges") == (low > 0 and high >= 0.5)
         assert found.verdict != "converges" or np.floor(high) <= np.ceil(low)
-
-
-@given(
-    order=st.floats(0.6, 8),
-    bend=st.floats(-0.5, 0.5),
-    noise=st.lists(st.floats(-0.05, 0.05), min_size=4, max_size=4),
-    claimed=st.sampled_from([None, 1, 2, 3, 4, 6]),
-)
-def test_an_interval_that_holds_another_order_gives_no_verdict(order, bend, noise, claimed):
-    """The same line is fitted, whatever its interval may be; only the verdict is withheld."""
-    dts = DTS[: len(noise)]
-    errors = dts**order * np.exp(bend * dts / dts[0] + noise)
-    fit = observed_order(dts, errors, claimed=0)
-    assume(len(fit.used) == len(dts) and fit.ci95[0] > 0)
-    low, high = fit.ci95
-    limited = observed_order(dts, errors, claimed=claimed)
-    if claimed is None:
-        whole = np.floor(high) - np.ceil(low) + 1
-        decides = whole == 1 or (whole == 0 and high - low <= 0.25)
-    else:
-        # It excludes the claimed order, or each lower one.
-        decides = high < claimed - 0.25 or low > claimed - 1
-    if decides:
-        assert limited == fit
-    else:
-        assert limited.verdict == "undetermined"
-        assert limited.add == tuple(dts[-1] / 2.0 ** np.arange(1, 3))
 
 
 # Of rk4 on y' = |t - 0.737| - y, which is of order 2 there, with 16 to 4096 steps.
@@ -158,6 +126,16 @@ def test_points_on_a_line_after_a_smooth_bend_are_an_order():
         assert observed_order(DTS[: kept + 1], broken).verdict == verdict
     # Where an order is claimed, three points that have it are enough.
     assert observed_order(DTS[:4], [1.0, *DTS[1:4] ** 2], claimed=2).verdict == "converges"
+
+
+def test_one_step_size_more_or_a_claim_decides():
+    """A claim does where the interval holds no lower order."""
+    assert observed_order(DTS[:4], EULER).verdict == "converges"
+    assert observed_order(DTS[:3], EULER[:3], claimed=1).verdict == "converges"
+    for claimed in (None, 2):
+        undecided = observed_order(DTS[:3], EULER[:3], claimed=claimed)
+        assert undecided.verdict == "undetermined"
+        assert undecided.add == tuple(DTS[3:5])
 
 
 @pytest.mark.parametrize("scattered", [1, 13])
@@ -195,10 +173,6 @@ def test_what_decides_nothing_is_undetermined(dts, errors, why):
     found = observed_order(dts, errors)
     assert found.verdict == "undetermined"
     assert why in found.why
-
-
-def test_one_step_size_more_decides():
-    assert observed_order(DTS[:4], EULER).verdict == "converges"
 
 
 @pytest.mark.parametrize(

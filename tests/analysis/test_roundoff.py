@@ -12,7 +12,7 @@ from ropeode.analysis import in_other_units, round_off
 from ropeode.norms import distance, norm_for
 from ropeode.problems import PROBLEMS
 from ropeode.simulation import simulate
-from ropeode.steppers import StormerVerlet, as_stepper
+from ropeode.steppers import StormerVerlet
 from tests.problems.shorter import SHORTER
 from tests.steppers.every_variant import UNSTABLE, slow_if
 
@@ -101,10 +101,8 @@ def test_errors_that_repeat_from_step_to_step_are_seen():
     # Noise that is added to the steps does not show these: they do not average out.
     problem = Rope(num_nodes=6).problem(frames=20)
     norm, rescaled = norm_for(problem), in_other_units(problem)
-    grouped, ungrouped = (
-        simulate(problem, stepper, 16384)
-        for stepper in (as_stepper("stormer-verlet:damping=lagged"), Ungrouped())
-    )
+    steppers = "stormer-verlet:damping=lagged", Ungrouped()
+    grouped, ungrouped = (simulate(problem, each, 16384) for each in steppers)
     apart = float(np.max(distance(problem, norm, grouped.states, ungrouped.states)))
     assert apart > 5e-6
     assert apart < 30 * round_off(ungrouped, rescaled, 21, [norm])[0]

@@ -10,13 +10,7 @@ import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 
-from ropeode.simulation import (
-    TimeIsUp,
-    UserClock,
-    on_user_clock,
-    one_at_a_time,
-    take_turn_from,
-)
+from ropeode.simulation import TimeIsUp, UserClock, on_user_clock, one_at_a_time, take_turn_from
 
 # How long something is computed, in seconds of processor time; and a wait for what must come.
 SPAN, PATIENCE = 0.05, 60.0

@@ -35,8 +35,8 @@ EVERY_VARIANT = [
 _BY_CODE = {cls.step: cls for cls in reversed(STEPPERS.values())}
 REPRESENTATIVES = [cls.name for cls in STEPPERS.values() if _BY_CODE[cls.step] is cls]
 # Each option is code of its own: two of them together do what each of them does. Damping is the
-# same code in both Verlet steppers, a single iteration in all implicit ones, and test_constraint.py
-# has sweeps.
+# same code in both Verlet steppers, a single iteration in all implicit ones, and
+# test_position_based.py has sweeps.
 _AS_OTHERS = (
     *("constraint-verlet:damping=lagged", "constraint-verlet:sweeps=3"),
     *("trapezium:newton=1", "bdf2:newton=1"),
@@ -69,10 +69,3 @@ def slow_if(slow: Callable[[BuiltIn], bool]) -> list[Any]:
 
 
 EVERY_PARAMETER = slow_if(lambda each: False)
-
-
-def every_name(*fast: str) -> list[Any]:
-    """The names of all steppers, as test parameters; all but these are marked `slow`."""
-    return [
-        pytest.param(name, marks=[] if name in fast else [pytest.mark.slow]) for name in STEPPERS
-    ]

@@ -16,11 +16,11 @@ from scipy import integrate
 from ropeode.checking import undamped
 from ropeode.problems import PROBLEMS, Problem, Rope
 from ropeode.simulation import simulate
-from ropeode.steppers import ProblemClass, Stepper, as_stepper, by_family
+from ropeode.steppers import ProblemClass, as_stepper, by_family
 from ropeode.theory import structure_of
+from tests.theory.steps import WithMemory
 
 IMPLICIT = [each.name for each in by_family()["implicit"]]
-EVERY = pytest.mark.parametrize("name", IMPLICIT)
 
 
 def linear(t, y, matrix):
@@ -41,23 +41,16 @@ def test_a_matrix_with_zeros_on_its_diagonal_is_no_obstacle(size):
     np.testing.assert_allclose(run.states[1], np.linalg.solve(matrix, start), rtol=1e-14)
 
 
-@pytest.mark.parametrize(
-    ("nodes", "name"),
-    [
-        (2, "implicit-midpoint"),
-        *(pytest.param(n, "gauss4", marks=pytest.mark.slow) for n in (1, 2)),
-    ],
-)
-def test_the_shortest_ropes_move_as_by_a_dense_matrix(nodes, name):
+@pytest.mark.parametrize("nodes", [2, pytest.param(1, marks=pytest.mark.slow)])
+def test_the_shortest_ropes_move_as_by_a_dense_matrix(nodes):
     """Also where there is no neighbour for the blocks beside the diagonal."""
     problem = Rope(
         start=(0, 0), end=(1, 0), num_nodes=nodes, pinned=(), damping=0.3,
         initial_velocity=(0.3, 1.0),
     ).problem(frames=2)  # fmt: skip
     mechanics = dataclasses.replace(problem.mechanics, neighbours=False)
-    fast, dense = (
-        simulate(each, name, 4) for each in (problem, problem.changed(mechanics=mechanics))
-    )
+    both = problem, problem.changed(mechanics=mechanics)
+    fast, dense = (simulate(each, "implicit-midpoint", 4) for each in both)
     assert fast.jacobian_evaluations == dense.jacobian_evaluations
     np.testing.assert_allclose(fast.states, dense.states, atol=1e-12)
 
@@ -69,32 +62,19 @@ def test_reductions_of_thousands_of_nodes_compile():
 
 # --- stiff problems
 
-# Up to where the state jumps to the other branch.
-SLOW_BRANCH = {"epsilon": 0.001, "duration": 0.6}
 
-
-@pytest.mark.parametrize(
-    ("problem", "numbers", "name", "steps", "tolerance"),
-    [
-        # Its frames grow, which two-step methods do not take.
-        ("robertson", {}, "implicit-euler", 20, 1e-6),
-        pytest.param("van-der-pol", SLOW_BRANCH, "bdf2", 4, 1e-3, marks=pytest.mark.slow),
-        pytest.param("hires", {}, "gauss4", 20, 0.001, marks=pytest.mark.slow),
-    ],
-)
-def test_stiff_problems_are_solved(problem, numbers, name, steps, tolerance):
+def test_a_stiff_problem_is_solved():
     """With steps at which explicit methods diverge."""
-    given = PROBLEMS[problem](**numbers)
-    assert simulate(given, "rk4", steps).status == "diverged"
-    run = simulate(given, name, steps)
+    given = PROBLEMS["robertson"]()
+    assert simulate(given, "rk4", 20).status == "diverged"
+    run = simulate(given, "implicit-euler", 20)
     assert run.status == "ok"
     ivp = given.to_scipy()
     expected = integrate.solve_ivp(**ivp, method="Radau", jac=ivp["fun"].jac, rtol=1e-9, atol=1e-12)
-    found = run.states.reshape(len(run.states), -1).T
-    assert np.max(np.abs(found[:, -1] - expected.y[:, -1])) < tolerance * np.max(np.abs(expected.y))
+    assert np.max(np.abs(run.states[-1] - expected.y[:, -1])) < 1e-6
 
 
-@EVERY
+@pytest.mark.parametrize("name", IMPLICIT)
 def test_steps_of_the_test_equation_are_the_stability_function(name):
     """Also where the new state is smaller than the roundings of the old one."""
     for z in (-37.0 + 11.0j, *(size * (-0.3 - 2.0j) for size in (1e3, 1e7, 5.3e11))):
@@ -110,7 +90,6 @@ def test_steps_of_the_test_equation_are_the_stability_function(name):
         }[name]
         assert run.status == "ok"
         assert abs(run.states[1] @ [1, 1j] - expected) < 1e-14
-        assert abs(expected) <= 1
 
 
 # --- iterations
@@ -188,7 +167,7 @@ def test_evaluations_are_those_of_a_linear_problem():
         assert (run.rhs_evaluations, run.jacobian_evaluations) == (of_rhs, of_jacobian)
 
 
-class GivesUp(Stepper):
+class GivesUp(WithMemory):
     """A user's stepper in plain Python that stops iterating after its third step."""
 
     compiled = False
@@ -200,9 +179,6 @@ class GivesUp(Stepper):
         y, n = carried
         return (y + dt * system.rhs(t, y) if n < 3 else np.nan * y), n + 1
 
-    def state(self, system, t, carried, dt):
-        return carried[0]
-
     def solved(self, carried):
         return carried[1] <= 3
 
@@ -212,12 +188,9 @@ def test_a_users_stepper_says_whether_it_solved():
     assert (run.status, run.diverged_at) == ("unsolved", 2)
 
 
-@EVERY
-def test_declared_orders(name):
-    """One iteration leaves an error of order 3 in each step."""
-    own = {"implicit-euler": 1, "gauss4": 4}.get(name, 2)
-    for newton, order in (("converged", own), ("1", min(own, 2))):
-        assert as_stepper(f"{name}:newton={newton}").order(ProblemClass()) == order
+def test_one_iteration_leaves_an_error_of_order_three_in_each_step():
+    labels = ("implicit-euler:newton=1", "gauss4:newton=1")
+    assert [as_stepper(each).order(ProblemClass()) for each in labels] == [1, 2]
 
 
 @pytest.mark.slow
@@ -227,6 +200,5 @@ def test_one_iteration_is_not_symplectic_and_says_so(name):
     for label, expected in ((name, True), (f"{name}:newton=1", False)):
         stepper = as_stepper(label)
         found = structure_of(undamped(), stepper, ["symplectic", "angular momentum"])
-        assert not isinstance(found, str)
         assert stepper.symplectic is found["symplectic"].holds is expected
         assert found["angular momentum"].holds is expected

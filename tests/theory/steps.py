@@ -1,20 +1,20 @@
-"""Steps as users write them, which several tests look at."""
+"""Steps as users write them, and Runge-Kutta methods, drawn at random or published."""
 
 from __future__ import annotations
 
+from fractions import Fraction
+
+import diffrax
 import jax.numpy as jnp
 import numpy as np
+from hypothesis import strategies as st
 
 from ropeode.steppers import Stepper
+from ropeode.tableaus import NystromTableau, Tableau
 
 
 def euler_in_numpy(rhs, t, y, dt, args):
     return np.asarray(y) + dt * np.asarray(rhs(t, y, args))
-
-
-def heun(rhs, t, y, dt, args):
-    k = rhs(t, y, args)
-    return y + dt / 2 * (k + rhs(t + dt, y + dt * k, args))
 
 
 def kick_in_numpy(acceleration, t, x, v, dt, args):
@@ -82,3 +82,54 @@ class EulerAndHeunInTurns(Ramp):
         again = system.rhs(t + dt, y + dt * slope)
         share = jnp.where(count % 2 == 0, 0.0, 0.5)
         return y + dt * ((1.0 - share) * slope + share * again), old, count + 1
+
+
+# --- methods by their tableaus
+
+
+coefficients = st.fractions(min_value=-3, max_value=3, max_denominator=24)
+
+
+@st.composite
+def rows(draw, stages):
+    """A matrix with zeros on and above the diagonal."""
+    return tuple(
+        tuple(draw(coefficients) if j < i else Fraction(0) for j in range(stages))
+        for i in range(stages)
+    )
+
+
+def row(stages):
+    return st.tuples(*[coefficients] * stages)
+
+
+@st.composite
+def explicit_tableaus(draw, most_stages=5):
+    stages = draw(st.integers(1, most_stages))
+    return Tableau(draw(rows(stages)), draw(row(stages)), draw(row(stages)))
+
+
+@st.composite
+def nystrom_tableaus(draw, most_stages=4):
+    stages = draw(st.integers(1, most_stages))
+    p, a = draw(rows(stages)), draw(rows(stages))
+    q, b, c, d = (draw(row(stages)) for _ in range(4))
+    return NystromTableau(p, q, a, b, c, d)
+
+
+def step_of(tableau):
+    """A step function that takes the slopes of a tableau, as its author writes it in NumPy."""
+
+    def step(rhs, t, y, dt, args):
+        return tableau.step(lambda t, y: rhs(t, y, args), t, y, dt)
+
+    def second_order_step(acceleration, t, x, v, dt, args):
+        return tableau.step(lambda t, x, v: acceleration(t, x, v, args), t, x, v, dt)
+
+    return step if isinstance(tableau, Tableau) else second_order_step
+
+
+def of_diffrax(name):
+    """The tableau that diffrax publishes with a solver."""
+    own = getattr(diffrax, name).tableau
+    return Tableau.of([[], *own.a_lower], own.b_sol, [0.0, *own.c])

@@ -1,11 +1,12 @@
-"""The expansion of a step in dt, against terms that are known in closed form."""
+"""The expansion of a step in dt, against terms in closed form, and the equation that it solves."""
 
 from __future__ import annotations
 
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
-from ropeode import Problem
+from ropeode import Problem, explain_stepper, load
 from ropeode.problems import InextensibleRope
 from ropeode.simulation import method_of
 from ropeode.theory import StepSamples, expanded
@@ -70,3 +71,35 @@ def test_what_is_still_settling_shows_no_order():
     turning = np.stack([x, 0.3 * (x - x[:, :1])[::-1] * np.array([[-1.0], [1.0]])])
     y = turning * np.array([[1.0, 1.0], [1.0, 0.5]])[..., None, None]
     assert expanded(samples, np.zeros(2), y, longest=1.0).order is None
+
+
+# --- the problem's own equation with other parameters
+
+
+def euler_of(change):
+    """Explicit Euler with a change of its right-hand side, which takes f and the parameters."""
+
+    def step(rhs, t, y, dt, args):
+        return y + dt * change(lambda **others: rhs(t, y, args._replace(**others)), y)
+
+    return step
+
+
+SLOW = pytest.mark.slow
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda f, y: f(sigma=9.0, rho=29.0), "sigma = 9 in place of 10, rho = 29 in place of 28"),
+        pytest.param(lambda f, y: f() * [1, -1, 1], "component 1 multiplied by -1", marks=SLOW),
+        # No change of parameters makes up for it.
+        pytest.param(lambda f, y: f() + 0.1 * y**2, None, marks=SLOW),
+    ],
+)
+def test_what_is_changed_is_named(change, words):
+    found = explain_stepper(euler_of(change), load("lorenz"), steps_per_frame=(8, 16)).local.wrong
+    if words is None:
+        assert found is None
+    else:
+        assert found.line.startswith(f"it is f with {words}")

@@ -1,18 +1,25 @@
-"""Stability functions, limits and regions, against closed forms and powers of steps."""
+"""Stability functions, limits and regions, and step limits from the spectrum of a problem.
+
+Against closed forms, powers of steps, the growth of the step itself, and runs.
+"""
 
 from __future__ import annotations
 
-import re
+import dataclasses
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from ropeode.problems import PROBLEMS, Problem, Rope
+from ropeode.references import load
 from ropeode.simulation import simulate
 from ropeode.steppers import STEPPERS
 from ropeode.theory import (
     LeadingTerm,
+    linear_stability_of,
+    spectral_limit,
+    spectrum_of,
     stability_function_of,
     stability_limits_of,
     stability_region,
@@ -22,6 +29,7 @@ from tests.theory.steps import (
     AdamsBashforth,
     EulerAndHeunInTurns,
     Ramp,
+    kick_in_numpy,
     verlet_in_numpy,
 )
 
@@ -47,34 +55,34 @@ def test_growth_and_phase_of_an_oscillation():
     assert found.phase == LeadingTerm(pytest.approx(1 / 24), 3)
 
 
-def check_limits(function, imaginary, real):
+@pytest.mark.parametrize(
+    ("problem", "step", "error", "imaginary", "real"),
+    [
+        # R/exp - 1 begins with -z^(p+1)/(p+1)!.
+        (FIRST, "explicit-euler", (-1 / 2, 2), 0.0, 2.0),
+        (FIRST, "rk4", (-1 / 120, 5), 8**0.5, 2.785293563405282),
+        (SECOND, kick_and_drift, None, 2.0, 2 * 2**0.5 - 2),
+        (SECOND, verlet_in_numpy, None, 2.0, None),
+        # Hairer, Norsett, Wanner I, section III.2; on the imaginary axis it grows as y^4/4.
+        (FIRST, AdamsBashforth(), (-5 / 12, 3), 0.0, 1.0),
+        # What starts as another is judged by how it goes on: of order 4. HNW III.1, HW V.1.
+        (FIRST, Ramp, (-251 / 720, 5), 0.4299870799093243, 0.3),
+        # Where |R| leaves 1, with SciPy's tableau: bisected.
+        pytest.param(FIRST, "dormand-prince8", None, 5.960359811702861, None, marks=SLOW),
+        # A root of the characteristic polynomial grows at once, if slowly.
+        pytest.param(FIRST, "adams-pece3", None, 0.0, None, marks=SLOW),
+    ],
+)
+def test_methods_have_their_errors_and_limits(problem, step, error, imaginary, real):
+    function = stability_function_of(problem, step)
     found = stability_limits_of(function)
     assert (found.imaginary.growth is not None) == (imaginary == 0.0)
     assert not found.a_stable
     assert found.imaginary.limit == pytest.approx(imaginary, rel=1e-9)
-    if real is not None:
-        assert found.real.limit == pytest.approx(real, rel=1e-9)
-
-
-FACTORIALS = np.array([1, 1, 2, 6, 24, 120])
-
-
-@pytest.mark.parametrize(
-    ("problem", "step", "order", "imaginary", "real"),
-    [
-        (FIRST, "explicit-euler", 1, 0.0, 2.0),
-        (FIRST, "rk4", 4, 8**0.5, 2.785293563405282),
-        (SECOND, kick_and_drift, None, 2.0, 2 * 2**0.5 - 2),
-        (SECOND, verlet_in_numpy, None, 2.0, None),
-    ],
-)
-def test_methods_have_their_polynomials_and_limits(problem, step, order, imaginary, real):
-    found = stability_function_of(problem, step)
-    check_limits(found, imaginary, real)
-    if order:
-        assert found.polynomial == pytest.approx(1 / FACTORIALS[: order + 1], abs=1e-14)
-        # R/exp - 1 begins with -z^(p+1)/(p+1)!.
-        assert found.error == LeadingTerm(pytest.approx(-1 / FACTORIALS[order + 1]), order + 1)
+    assert real is None or found.real.limit == pytest.approx(real, rel=1e-9)
+    if error:
+        coefficient, power = error
+        assert function.error == LeadingTerm(pytest.approx(coefficient, rel=1e-6), power)
 
 
 def test_an_implicit_step_is_stable_as_far_as_was_looked():
@@ -94,10 +102,6 @@ def test_a_method_with_memory_is_judged_on_all_that_it_carries():
     z = np.array([0.3 - 0.4j, -0.8, 0.1 + 2.0j])
     roots = [np.roots([1, -1 - 1.5 * each, 0.5 * each]) for each in z]
     np.testing.assert_allclose(function.radius(z), np.abs(roots).max(axis=1), rtol=1e-12)
-    # Order 2 with the error constant 5/12, Hairer, Norsett, Wanner I, section III.2.
-    assert function.error == LeadingTerm(pytest.approx(-5 / 12), 3)
-    # The real axis in closed form; on the imaginary axis it grows as y^4/4.
-    check_limits(function, 0.0, 1.0)
 
 
 @pytest.mark.parametrize(("omega", "ratio"), [(0.7, 0.2), (1.9, 0.02)])
@@ -132,29 +136,31 @@ def test_a_region_shows_its_boundary():
     function = stability_function_of(FIRST, "rk4")
     region = stability_region(function, stability_limits_of(function))
     z = region.real + 1j * region.imaginary[:, None]
-    expected = np.abs(1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24)
+    coefficients = [1, 1, 1 / 2, 1 / 6, 1 / 24]
+    assert function.polynomial == pytest.approx(coefficients, abs=1e-14)
+    expected = np.abs(np.polynomial.Polynomial(coefficients)(z))
     np.testing.assert_allclose(region.radius, expected, rtol=1e-12)
     assert region.real[0] < -2.8 < 2.9 < region.imaginary[-1]
 
 
-NO_FUNCTION = {
-    "the step of size 0.000244141 is not that of size 1": lambda rhs, t, y, dt, args: (
-        y + jnp.minimum(dt, 0.5) * rhs(t, y, args)
-    ),
-    "it is not linear": lambda rhs, t, y, dt, args: (
-        y + dt * jnp.where(jnp.abs(y) < 1e-3, 0.0, rhs(t, y, args))
-    ),
-    "at t = 37.25 it is another step": lambda rhs, t, y, dt, args: (
-        y + jnp.where(t > 10.0, 0.9, 1.0) * dt * rhs(t, y, args)
-    ),
-    "different ways": kick_and_drift,
-    "it raises TypeError": lambda rhs, t, y, dt, args: y if args is None else args["none"],
-}
+def euler(change):
+    """Explicit Euler whose slope is multiplied by something else than the step size."""
+    return lambda rhs, t, y, dt, args: y + change(t, y, dt) * rhs(t, y, args)
 
 
-@pytest.mark.parametrize("why", NO_FUNCTION)
-def test_what_is_no_function_of_dt_lambda_has_none(why):
-    assert re.search(why, stability_function_of(FIRST, NO_FUNCTION[why]).reason)
+@pytest.mark.parametrize(
+    ("why", "step"),
+    [
+        ("of size 0.000244141 is not that of size 1", euler(lambda t, y, dt: jnp.minimum(dt, 0.5))),
+        ("it is not linear", euler(lambda t, y, dt: dt * (jnp.abs(y) >= 1e-3))),
+        ("at t = 37.25 it is another step", euler(lambda t, y, dt: dt * (1 - 0.1 * (t > 10)))),
+        ("different ways", kick_and_drift),
+        ("it raises TypeError", lambda rhs, t, y, dt, args: y if args is None else args["none"]),
+        pytest.param("settled", EulerAndHeunInTurns, marks=SLOW),
+    ],
+)
+def test_what_is_no_function_of_dt_lambda_has_none(why, step):
+    assert why in stability_function_of(FIRST, step).reason
 
 
 def test_steppers_for_links_have_none():
@@ -172,49 +178,85 @@ def test_damping_that_does_not_scale_is_left_out():
     assert stability_region(found, limits) is None
 
 
-A_STABLE = ("implicit-euler", "implicit-midpoint", "gauss4", "trapezium", "bdf2")
-# On the imaginary axis; of all the others 2, and 0 where a root grows at once, if slowly.
-LIMITS = {
-    # Where |R| leaves 1, with SciPy's tableaus; of Nystrom's step an eigenvalue: bisected.
-    **dict.fromkeys(("explicit-euler", "heun", "midpoint", "ralston2"), 0.0),
-    **dict.fromkeys(("ralston3", "kutta3", "ssprk3"), 3**0.5),
-    **dict.fromkeys(("rk4", "three-eighths"), 8**0.5),
-    "dormand-prince5": 0.9971890088387317,
-    "dormand-prince8": 5.960359811702861,
-    "rkn4": 2.5865188945196187,
-    # Where the trace of the product of the matrices of drifts and kicks leaves [-2, 2]: scanned in
-    # steps of 2e-4 and bisected, with those matrices multiplied in plain NumPy.
-    "ruth3": 2.5074811709523557,
-    "yoshida4": 1.5734019474345398,
-    "pefrl": 2.9894495459067305,
-    "yoshida6": 2.2690579963976605,
-    # Where a root of the characteristic polynomial leaves the unit circle, by NumPy's roots.
-    "adams-bashforth2": 0.0,
-    "adams-bashforth3": 0.723627226986681,
-    "adams-bashforth4": 0.4299870799093243,
-    "adams-pece2": 1.2871885058112067,
-    **dict.fromkeys(("adams-pece3", "adams-pece4"), 0.0),
-}
+# --- step limits from the spectrum of a problem
+
+
+FOR_FORCES = [name for name, stepper in STEPPERS.items() if not stepper().moves_links]
+LAGGED = "stormer-verlet:damping=lagged"
+
+
+@pytest.fixture(scope="module")
+def damped():
+    """An oscillator with two real eigenvalues, -0.21 and -4.79; its states are exact."""
+    stored = load("oscillator")
+    problem = PROBLEMS["oscillator"](damping=5.0, frames=stored.problem.frames)
+    return dataclasses.replace(stored, problem=problem, states=problem.exact(problem.ts))
+
+
+@pytest.mark.parametrize(
+    "stepper", [kick_in_numpy, *(pytest.param(name, marks=SLOW) for name in (*FOR_FORCES, LAGGED))]
+)
+def test_what_is_predicted_is_measured(damped, stepper):
+    found = linear_stability_of(damped, stepper)
+    # What agrees to a thousandth is taken as it was predicted.
+    assert found.predicted.steps.dt == pytest.approx(found.measured_at_rest.dt, rel=2e-3)
+    known_rates = [-2.5 - 5.25**0.5, -2.5 + 5.25**0.5]
+    assert np.sort(found.along.eigenvalues[0].real) == pytest.approx(known_rates)
+    # With kicks mu^2 - (2 - 5 dt - dt^2) mu + 1 - 5 dt at mu = -1.
+    known = {kick_in_numpy: 29**0.5 - 5, "velocity-verlet": 2.0}
+    if stepper in known:
+        assert found.measured_at_rest.dt == pytest.approx(known[stepper], rel=1e-5)
+        assert found.bounded_from == np.ceil(1 / known[stepper])
+
+
+def limit_of(problem, stepper, along):
+    return spectral_limit(problem, stability_function_of(problem, stepper), along)
+
+
+def test_the_mode_and_the_time_that_decide():
+    # A spring that stiffens with time: x'' = -(1 + t) x.
+    problem = Problem.second_order(
+        lambda t, x, v, args: -(1.0 + t) * x, [[1.0]], [[0.0]], 0.75 * np.arange(5.0)
+    )
+    along = spectrum_of(problem, np.array([0.0, 3.0, 1.5]), np.ones((3, 2, 1, 1)))
+    found = limit_of(problem, "velocity-verlet", along)
+    assert (found.time, found.steps.steps_per_frame) == (3.0, 1)
+    assert [abs(found.eigenvalue), found.steps.dt] == pytest.approx([2.0, 1.0], rel=1e-5)
+
+
+def test_growth_of_the_solution_itself_asks_for_no_step():
+    # Upside down: x'' = x grows, whatever the step; a pendulum passes both kinds of states.
+    problem = PROBLEMS["pendulum"]()
+    states = np.array([0.0, np.pi])[:, None, None, None] * np.array([1.0, 0.0])[:, None, None]
+    along = spectrum_of(problem, np.zeros(2), states)
+    found = limit_of(problem, "semi-implicit-euler", along)
+    assert found.steps.dt == pytest.approx(2.0, rel=1e-5)
+    # However slowly the step adds to it.
+    assert limit_of(problem, "explicit-euler", along).steps.steps_per_frame is None
+    upright = spectrum_of(problem, np.zeros(1), states[1:])
+    assert limit_of(problem, "semi-implicit-euler", upright) is None
+
+
+def test_what_is_kept_forever_has_the_eigenvalue_zero():
+    """Concentrations of which the sum is constant; rounding would grow in steps long enough."""
+    rates = np.random.default_rng(8).lognormal(sigma=4.0, size=(6, 6))
+    exchange = rates - np.diag(np.sum(rates, axis=0))
+    problem = Problem(lambda t, y, args: args @ y, np.ones(6), [0.0, 1e12], exchange)
+    along = spectrum_of(problem, np.zeros(1), np.ones((1, 6)))
+    assert np.count_nonzero(along.eigenvalues) == 5
+    assert np.max(np.real(along.eigenvalues)) == 0.0
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [n for n, s in STEPPERS.items() if not s().moves_links])
-def test_registered_steppers_have_limits(name):
-    found = stability_limits_of(stability_function_of(SECOND, name)).imaginary
-    expected = found.looked_to if name in A_STABLE else LIMITS.get(name, 2.0)
-    # Of order 5 little more than 1e-13 is left of the growth so near the limit.
-    assert found.limit == pytest.approx(expected, rel=1e-7 if name == "dormand-prince5" else 1e-9)
-
-
-def test_a_method_that_starts_as_another_is_judged_by_how_it_goes_on():
-    found = stability_function_of(FIRST, Ramp)
-    limits = stability_limits_of(found)
-    # Of the fourth-order method: HNW III.1, HW V.1.
-    assert limits.imaginary.limit == pytest.approx(0.42998708, abs=1e-6)
-    assert limits.real.limit == pytest.approx(0.3, abs=1e-9)
-    assert found.error == LeadingTerm(pytest.approx(-251 / 720, rel=1e-6), 5)
-
-
-@SLOW
-def test_a_method_that_never_settles_has_no_stability_function():
-    assert "settled" in stability_function_of(FIRST, EulerAndHeunInTurns).reason
+@pytest.mark.parametrize("stepper", FOR_FORCES[1:])
+def test_runs_grow_just_past_the_limit_and_not_just_before(stepper):
+    """Without eigenvalues: by a small disturbance of rest, in runs one percent to either side."""
+    problem = PROBLEMS["oscillator"](damping=0.2, stiffness=4.0, x0=1e-3, frames=1)
+    at_rest = spectrum_of(problem, np.zeros(1), np.zeros((1, 2, 1, 1)))
+    longest = limit_of(problem, stepper, at_rest).steps.dt
+    steps = [(0.99 * longest, False), (1.01 * longest, True)]
+    for dt, grows in steps if longest < np.inf else [(1.0, False), (1e3, False)]:
+        ts = dt * np.arange(3001.0)
+        run = simulate(problem.changed(ts=ts), stepper, 1)
+        size = np.max(np.abs(run.states), axis=(1, 2, 3))
+        assert (size[-100:].max() > 10 * size[:100].max()) == grows

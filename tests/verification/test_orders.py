@@ -61,23 +61,19 @@ def driven_acceleration(t, x, v, args, xp: Any = jnp):
     return -xp.sin(x) + xp.cos(1.3 * t) * xp.array([[0.3, 0.1]]) - args["rate"] * v
 
 
-def driven() -> Problem:
-    return Problem.second_order(
-        driven_acceleration,
-        [[0.4, 0.1]],
-        [[1.1, -0.3]],
-        2.0 + 0.7 * np.arange(4),
-        {"rate": 0.8},
-        damping=lambda args: LinearDamping(args["rate"], 0.3 * args["rate"]),
-    )
+DRIVEN = Problem.second_order(
+    driven_acceleration,
+    [[0.4, 0.1]],
+    [[1.1, -0.3]],
+    2.0 + 0.7 * np.arange(4),
+    {"rate": 0.8},
+    damping=lambda args: LinearDamping(args["rate"], 0.3 * args["rate"]),
+)
 
 
-def driven_solution(problem: Problem) -> np.ndarray:
-    def rhs(t: np.ndarray, y: np.ndarray) -> np.ndarray:
-        x, v = y[:, 0], y[:, 1]
-        return np.stack([v, driven_acceleration(t[:, 0], x, v, problem.args, np)], axis=1)
-
-    return integrate(rhs, problem.y0, problem.ts)
+def driven_in_numpy(t: np.ndarray, y: np.ndarray) -> np.ndarray:
+    x, v = y[:, 0], y[:, 1]
+    return np.stack([v, driven_acceleration(t[:, 0], x, v, DRIVEN.args, np)], axis=1)
 
 
 def riccati_rhs(t, y, args, xp: Any = jnp):
@@ -85,12 +81,11 @@ def riccati_rhs(t, y, args, xp: Any = jnp):
     return y @ y * xp.sin(t) - y + xp.eye(2) * t
 
 
-def riccati() -> Problem:
-    return Problem(riccati_rhs, [[0.3, -0.2], [0.1, 0.4]], [0.5, 0.9, 1.7, 2.0])
+RICCATI = Problem(riccati_rhs, [[0.3, -0.2], [0.1, 0.4]], [0.5, 0.9, 1.7, 2.0])
 
 
-def riccati_solution(problem: Problem) -> np.ndarray:
-    return integrate(lambda t, y: riccati_rhs(t, y, None, np), problem.y0, problem.ts)
+def riccati_in_numpy(t: np.ndarray, y: np.ndarray) -> np.ndarray:
+    return riccati_rhs(t, y, None, np)
 
 
 # Its transient is over so soon that methods of high order are better than the reference knows.
@@ -103,23 +98,19 @@ HIGH = 5
 # One iteration of Newton's method solves their equations.
 LINEAR = {"library oscillator", "library linear-chain", "library forced"}
 
-CASES: dict[str, Callable[[], Problem]] = {
+CASES: dict[str, Problem] = {
     # Of unequal masses, in three dimensions; all ropes are of one size, to be compiled only once.
-    "moving rope": lambda: in_space(Rope, stiffness=(3, 2, 4.5, 1)).problem(3),
-    "resting rope": functools.partial(resting_rope, 0.15),
-    "undamped rope": functools.partial(resting_rope, 0.0),
-    "moving inextensible rope": lambda: in_space(InextensibleRope, (1, 2)).problem(3),
-    "moving undamped inextensible rope": lambda: in_space(InextensibleRope, damping=0.0).problem(3),
-    "resting inextensible rope": resting_links,
-    "undamped inextensible rope": lambda: resting_links(damping=0.0),
-    "driven": driven,
-    "riccati": riccati,
+    "moving rope": in_space(Rope, stiffness=(3, 2, 4.5, 1)).problem(3),
+    "resting rope": resting_rope(0.15),
+    "undamped rope": resting_rope(0.0),
+    "moving inextensible rope": in_space(InextensibleRope, (1, 2)).problem(3),
+    "moving undamped inextensible rope": in_space(InextensibleRope, damping=0.0).problem(3),
+    "resting inextensible rope": resting_links(),
+    "undamped inextensible rope": resting_links(damping=0.0),
+    "driven": DRIVEN,
+    "riccati": RICCATI,
 }
-LIBRARY = {
-    f"library {name}": functools.partial(make, frames=4, **SHORTER.get(name, {}))
-    for name, make in PROBLEMS.items()
-    if name not in ROPES
-}
+LIBRARY = [f"library {name}" for name in PROBLEMS if name not in ROPES]
 SLOW = pytest.mark.slow
 # It takes as long as all the others; without damping it is among the fast ones.
 DEAR = "moving inextensible rope"
@@ -152,7 +143,8 @@ def other(case: str) -> list[BuiltIn]:
 
 @functools.cache
 def problem_of(case: str) -> Problem:
-    return {**CASES, **LIBRARY}[case]()
+    name = case.removeprefix("library ")
+    return CASES[case] if case in CASES else PROBLEMS[name](frames=4, **SHORTER.get(name, {}))
 
 
 def declared_on(case: str, stepper: BuiltIn) -> int | None:
@@ -177,10 +169,12 @@ def truth_of(case: str) -> tuple[np.ndarray, Callable[[Norm], float]]:
         known = reference(problem)
         assert known.horizon is None
         return known.states, lambda norm: float(resolution(known, norm)[-1])
-    solution = {"driven": driven_solution, "riccati": riccati_solution}.get(case, rope_solution)
-    states = solution(problem).astype(np.float64)
+    rhs = {"driven": driven_in_numpy, "riccati": riccati_in_numpy}.get(case)
+    states = integrate(rhs, problem.y0, problem.ts) if rhs else rope_solution(problem)
     # What steppers round off is a few hundred times more than this.
-    return states, lambda norm: 16 * float(np.finfo(np.float64).eps) * problem.scale
+    return states.astype(
+        np.float64
+    ), lambda norm: 16 * float(np.finfo(np.float64).eps) * problem.scale
 
 
 def steps_of(case: str, stepper: BuiltIn) -> list[int]:
@@ -196,12 +190,11 @@ def runs_of(case: str, stepper: BuiltIn) -> list[Trajectory]:
 
 def errors_of(case: str, stepper: BuiltIn, measure: Norm) -> list[float]:
     problem, truth = problem_of(case), truth_of(case)[0]
-    return [
-        float(np.max(distances_from(truth, run.states, problem, measure)))
-        if run.status == "ok"
-        else np.inf
-        for run in runs_of(case, stepper)
-    ]
+
+    def error(run: Trajectory) -> float:
+        return float(np.max(distances_from(truth, run.states, problem, measure)))
+
+    return [error(run) if run.status == "ok" else np.inf for run in runs_of(case, stepper)]
 
 
 def order_of(case: str, stepper: BuiltIn, norm: str | None = None) -> ObservedOrder:
