@@ -18,9 +18,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from ropeode import Ensemble, Problem, Rope, accuracy_table, callbacks, reference, simulate
+from ropeode import Ensemble, Problem, Rope, callbacks, reference, simulate
 from ropeode.errors import InputError, UserCodeError
 from ropeode.precision import in_float64
+from ropeode.problems import PROBLEMS
+from tests.references.covered import assert_covered
 
 SLOW = pytest.mark.slow
 
@@ -41,11 +43,7 @@ def heun(rhs, t, y, dt, args):
 
 
 START, STRENGTH = [1.0, 0.0], 1.3
-
-
-def by_scipy(ts):
-    tight = {"rtol": 1e-13, "atol": 1e-13}
-    return solve_ivp(pendulum, (0.0, 2.0), START, "DOP853", ts, args=(STRENGTH,), **tight).y.T
+PLAIN = Problem(pendulum_in_jax, START, [0.0, 2.0], STRENGTH)
 
 
 @pytest.fixture(scope="module")
@@ -53,19 +51,21 @@ def in_python() -> Problem:
     return Problem.from_scipy(pendulum, (0.0, 2.0), START, args=(STRENGTH,), frames=4)
 
 
+def exact(times):
+    return PROBLEMS["pendulum"](angle=START[0], gravity=STRENGTH).exact(times)[:, :, 0, 0]
+
+
 def test_a_function_that_jax_cannot_trace_has_a_reference(in_python):
     assert (in_python.in_python, in_python.name) == (True, "pendulum")
     truth = reference(in_python)
-    assert truth.trusted == 5
-    assert np.max(np.abs(truth.states - by_scipy(in_python.ts))) < 1e-11
     assert truth.bound()[-1] < 1e-12
+    assert_covered(truth, exact(in_python.ts))
 
 
 @SLOW
 def test_between_the_samples_only_the_first_derivative_is_known(in_python):
-    known = reference(in_python, rtol=1e-9, dense=True)
-    times = np.linspace(0.0, 2.0, 50)
-    off = np.max(np.abs(known.at(times) - by_scipy(times)), axis=1)
+    known, times = reference(in_python, rtol=1e-9, dense=True), np.linspace(0.0, 2.0, 50)
+    off = np.max(np.abs(known.at(times) - exact(times)), axis=1)
     assert np.all(off <= known.bound_at(times))
 
 
@@ -114,6 +114,14 @@ def writes_to_the_state(t, y):
     return y
 
 
+OUT = np.zeros(2)
+
+
+def writes_to_its_own(t, y):
+    OUT[:] = y[1], -math.sin(y[0])
+    return OUT
+
+
 # With arguments, and whether JAX can trace it.
 KINDS = [
     (lambda t, y: np.where(y > t, np.roll(y, 1), 0.0) / np.linalg.norm(y), (), True),
@@ -124,33 +132,26 @@ KINDS = [
     (lambda t, y: y if t < 0.5 else -y, (), False),
     (lambda t, y, table: np.interp(t, *table) * y, (np.array([[0, 9], [1, 3]]),), True),
     (writes_to_the_state, (), False),
+    (writes_to_its_own, (), False),
     (lambda t, y, a, word: y[::-1] * a if word == "x" else y, (2.0, "x"), True),
 ]
 
 
 @pytest.mark.parametrize(("function", "args", "traced"), KINDS)
 def test_functions_of_many_kinds(function, args, traced):
+    """In compiled steps, and in a step in Python, where no program copies what it returns."""
     problem = Problem.from_scipy(function, (0.0, 1.0), [1.0, 0.5], args=args, frames=2)
     assert problem.in_python != traced
-    y, states = np.array([1.0, 0.5]), simulate(problem, "explicit-euler", 4).states
+    y = np.array([1.0, 0.5])
     assert np.array_equal(problem.y0, y)
+
+    def copied(t, y, args):
+        return np.array(function(t, y.copy(), *args), dtype=float)
+
     for i in range(8):
-        y = y + 0.125 * np.array(function(0.125 * i, y.copy(), *args), dtype=float)
-    assert np.max(np.abs(states[-1] - y)) < 1e-13
-
-
-def test_what_a_function_returns_is_copied():
-    """Also for a step in Python, where no program copies it."""
-    out = np.zeros(2)
-
-    def writes_to_its_own(t, y):
-        out[:] = y[1], -math.sin(y[0])
-        return out
-
-    functions = writes_to_its_own, lambda t, y: [y[1], -math.sin(y[0])]
-    problems = [Problem.from_scipy(each, (0.0, 1.0), START, frames=2) for each in functions]
-    for stepper in (heun, "rk4"):
-        assert np.array_equal(*(simulate(each, stepper, 4).states for each in problems))
+        y = heun(copied, i / 8, y, 1 / 8, args)
+    for stepper in ("heun", heun):
+        assert np.max(np.abs(simulate(problem, stepper, 4).states[-1] - y)) < 1e-13
 
 
 @pytest.mark.parametrize("function", [lambda t, y: -y[0], lambda t, y: -math.exp(y[0])])
@@ -235,15 +236,10 @@ def fuse_of_a_default():
     return rhs
 
 
-def fuse_outside_of_python():
-    os.environ.pop("TRIPPED", None)
-
-    def rhs(t, y):
-        if y[0] > 1.5:
-            os.environ["TRIPPED"] = "1"
-        return [-y[0] if "TRIPPED" in os.environ else rising(t)]
-
-    return rhs
+def fuse_outside_of_python(t, y):
+    if y[0] > 1.5:
+        os.environ["TRIPPED"] = "1"
+    return [-y[0] if "TRIPPED" in os.environ else rising(t)]
 
 
 def solved(problem):
@@ -273,10 +269,10 @@ def test_a_memory_between_calls_has_no_reference(words, make):
 
 
 @SLOW
-def test_a_memory_outside_of_python_has_no_reference():
-    problem = Problem.from_scipy(fuse_outside_of_python(), (0.0, 2.0), [1.0], frames=2)
+def test_a_memory_outside_of_python_has_no_reference(monkeypatch):
+    monkeypatch.delenv("TRIPPED", raising=False)
     with pytest.raises(UserCodeError, match="not deterministic: .* or reads what changes"):
-        solved(problem)
+        solved(Problem.from_scipy(fuse_outside_of_python, (0.0, 2.0), [1.0], frames=2))
 
 
 def remembers():
@@ -314,6 +310,10 @@ def keeps(t, y):
     return y
 
 
+def solves(problem, **asked):
+    return lambda: reference(problem, **asked)
+
+
 def ivp(function, span=(0.0, 1.0), y0=(1.0, 0.0), **more):
     return lambda: Problem.from_scipy(function, span, y0, **more)
 
@@ -340,6 +340,12 @@ def ivp(function, span=(0.0, 1.0), y0=(1.0, 0.0), **more):
         (ivp(keeps, y0={"x": 1.0}), r"y0: .* Problem\(rhs, y0, ts"),
         (ivp(keeps, y0=np.ma.array([1.0, 2.0], mask=[0, 1])), "y0: .* fill the masked entries"),
         (ivp(keeps, energy=lambda t, y: 1.0), r"energy: .* `def energy\(t, y, args\):`"),
+        # Of a reference, or of what is not even a problem.
+        (solves(PLAIN, event=keeps), r"event: .* given; allowed: .* docs/howto/events\.md"),
+        (solves(PLAIN, tolerance=1e-9), "keyword: 'tolerance' given, which does not exist"),
+        (solves(pendulum), r"or Problem\.from_scipy\(fun"),
+        (solves(Rope()), r"rope\.problem\(frames=20\)"),
+        (solves(None), r"problem: None given; allowed: a Problem\. Fix: write Problem\("),
     ],
 )
 def test_what_cannot_be_used_is_met_with_what_to_write(make, words):
@@ -351,7 +357,7 @@ OF_SCIPY = {*inspect.signature(solve_ivp).parameters} - {"fun", "y0", "args", "o
 OF_METHODS = {"rtol", "atol", "max_step", "first_step", "jac", "jac_sparsity", "lband", "min_step"}
 
 
-def test_keywords_of_scipy_are_met_with_what_to_write(in_python):
+def test_keywords_of_scipy_are_met_with_what_to_write():
     for keyword in sorted(OF_SCIPY | OF_METHODS | {"event"}):
         given: Any = {keyword: lambda t, y: y[0]}
         words = "docs/howto/events.md" if keyword.startswith("event") else f"{keyword}: .* Fix: "
@@ -362,27 +368,6 @@ def test_keywords_of_scipy_are_met_with_what_to_write(in_python):
         ):
             with pytest.raises(InputError, match=words):
                 make(given)
-    # A reference is asked for an event, or for what it has under another name.
-    for given, words in (
-        ({"event": lambda t, y: y[0]}, r"event: .* given; allowed: .* docs/howto/events\.md"),
-        ({"tolerance": 1e-9}, "keyword: 'tolerance' given, which does not exist"),
-    ):
-        with pytest.raises(InputError, match=words):
-            reference(in_python, **given)
-
-
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [
-        (pendulum, r"or Problem\.from_scipy\(fun"),
-        (Rope(), r"rope\.problem\(frames=20\)"),
-        (None, r"problem: None given; allowed: a Problem\. Fix: write Problem\("),
-    ],
-)
-def test_what_is_no_problem_is_met_with_how_to_make_one(given, words):
-    for solve in (reference, run_of_rk4, accuracy_table):
-        with pytest.raises(InputError, match=words):
-            solve(given)
 
 
 def test_an_exception_on_the_way_comes_out_as_it_is(in_python):

@@ -80,13 +80,6 @@ def test_what_is_missing_is_said_with_the_line_to_write(tmp_path, name, names, w
         loaded(tmp_path, name, names)
 
 
-def test_a_command_says_what_is_wrong_with_it(tmp_path, run):
-    (tmp_path / "own.py").write_text(FOR_SCIPY.format(names="y0, t_span = [1.0, 0.0], (0, 5)"))
-    ran = run("table", "--problem", "own.py:odeint_order")
-    assert ran.returncode == 2
-    assert ran.stderr.startswith("ropeode: fun: a function of (y, t) given, the order of odeint")
-
-
 BESIDE = {
     "steps.py": """
 import parts.gravity

@@ -23,12 +23,8 @@ def test_defaults_are_the_assignment():
     assert problem.quantities == ("position", "velocity")
 
 
-def test_arguments_by_position():
-    assert Rope((0, 0), (1, 0), 3) == Rope(start=(0, 0), end=(1, 0), num_nodes=3)
-
-
 def test_what_is_left_out_follows_from_the_rest():
-    assert Rope(start=(0, 0, 0), end=(1, 2, 3)).gravity == (0.0, -1.0, 0.0)
+    assert Rope((0, 0, 0), (1, 2, 3)).gravity == (0.0, -1.0, 0.0)
     # A rope of one node needs no end.
     alone = Rope(start=(1, 1), end=(1, 1), num_nodes=1, pinned=()).problem(frames=1)
     assert alone.positions(alone.y0[None]).tolist() == [[[1.0, 1.0]]]
@@ -37,14 +33,8 @@ def test_what_is_left_out_follows_from_the_rest():
     assert problem.velocities(problem.y0[None])[0].tolist() == [[0, 0], [1, 2], [1, 2]]
 
 
-TAUT = (
-    r"pinned: \[0, 15\] given; allowed: one node, or neighbours \(the rope is taut between the "
-    r"pins 0 and 15, .* cannot move\)\. Fix: .* pinned = \[0\]"
-)
-STRETCHES = (
-    r"initial_velocity: \(3.0, 1.0\) given; allowed: velocities that stretch no link "
-    r"\(link 0, between the nodes 0 and 1, would change its length by 3 per frame\)"
-)
+TAUT = r"taut between the pins 0 and 15, .* cannot move\)\. Fix: .* pinned = \[0\]"
+STRETCHES = r"stretch no link \(link 0, between the nodes 0 and 1, .* by 3 per frame\)"
 
 
 @pytest.mark.parametrize(

@@ -72,7 +72,6 @@ def in_trees(rhs, t, y, dt, args):
 def by_name(rhs, t, y, dt, args):
     # In NumPy, which JAX cannot trace.
     k = rhs(t, y, args)
-    assert isinstance(k, dict)
     return {name: np.asarray(y[name]) + dt * np.asarray(k[name]) for name in y}
 
 
@@ -152,9 +151,9 @@ def test_lists_and_tuples_of_numbers_are_arrays():
 def test_ensembles_of_trees(as_dict):
     x = np.stack([X, 2 * X])
     varied = Ensemble.varying(as_dict, y0={"x": x, "v": np.stack([V, V])})
-    for i, run in enumerate(simulate(varied, "rk4", 4)):
-        alone = as_dict.changed(y0=varied[i].y0)
-        assert np.array_equal(alone.unravel(alone.y0)["x"], x[i])
+    for run, member, own in zip(simulate(varied, "rk4", 4), varied, x, strict=True):
+        assert np.array_equal(run.tree["x"][0], own)
+        alone = as_dict.changed(y0=member.y0)
         assert np.allclose(run.tree["x"], simulate(alone, "rk4", 4).tree["x"], atol=1e-14)
         assert Ensemble.of([as_dict, alone])[1].unravel(alone.y0)["x"].shape == (2, 2)
     # The same equations, with other names for their parts.
@@ -194,8 +193,3 @@ TOO_SHORT = r"rhs result: \{'x': \(1,\)\} given; allowed: the shapes of the stat
 def test_what_cannot_be_used_is_refused_by_its_place(rhs, state, words):
     with pytest.raises(InputError, match=words):
         Problem(rhs, state, TS)
-
-
-def test_positions_are_no_tree():
-    with pytest.raises(InputError, match=r"x0: .* or use Problem\(rhs, "):
-        Problem.second_order(lambda t, x, v, args: x, {"a": 1.0}, {"a": 0.0}, TS)
