@@ -77,16 +77,12 @@ def path():
 
 
 @as_for_users
-def test_nothing_is_found_in_what_is_smooth(path):
-    found = look_between(turn(), path, BOUNDS)
-    assert found.sampling.times >= 2**20
-    assert found.sampling.spacing <= 10.0 / 2**20
-    assert len(found.times) == len(found.stops) == 0
-
-
-@as_for_users
-def test_what_lasts_longer_than_the_spacing_is_found_wherever_it_is(path):
-    width = 1.001 * look_between(turn(), path, BOUNDS).sampling.spacing
+def test_what_lasts_longer_than_the_spacing_is_found_wherever_it_is_and_nothing_else(path):
+    smooth = look_between(turn(), path, BOUNDS)
+    assert smooth.sampling.times >= 2**20
+    assert smooth.sampling.spacing <= 10.0 / 2**20
+    assert len(smooth.times) == len(smooth.stops) == 0
+    width = 1.001 * smooth.sampling.spacing
     random = np.random.default_rng(3)
     places = [*random.uniform(0.0, 10.0 - width, 3), 1e-9, 10.0 - 1.001 * width, TS[2] - width / 2]
     for start in places:

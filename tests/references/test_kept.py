@@ -2,17 +2,10 @@
 
 from __future__ import annotations
 
-import pytest
-
 from ropeode import save_reference
 from ropeode.problems import PROBLEMS
 from ropeode.references import ReferenceOptions, reference_for
 from tests.references.scalar_problems import scalar
-
-
-@pytest.fixture
-def folder(cache_folder):
-    return cache_folder / "references"
 
 
 def swing(**parameters):
@@ -26,7 +19,9 @@ def runs_for(problem, options=ReferenceOptions()):  # noqa: B008
     return known, len(said)
 
 
-def test_a_kept_reference_is_the_one_that_was_computed(folder, tmp_path):
+def test_a_kept_reference_is_the_one_that_was_computed_and_what_differs_has_another(
+    cache_folder, tmp_path, monkeypatch
+):
     computed, runs = runs_for(swing())
     assert runs > 9
     again, runs = runs_for(swing())
@@ -36,10 +31,6 @@ def test_a_kept_reference_is_the_one_that_was_computed(folder, tmp_path):
         for name, each in (("a", computed), ("b", again))
     )
     assert first == second
-
-
-def test_what_differs_has_another(folder):
-    runs_for(swing())
     changed = swing()
     right = changed.rhs
     for problem, options in (
@@ -49,19 +40,13 @@ def test_what_differs_has_another(folder):
         (changed.changed(rhs=lambda t, y, args: 1.001 * right(t, y, args)), ReferenceOptions()),
     ):
         assert runs_for(problem, options)[1] > 9
+    monkeypatch.setattr("ropeode.cache._folder", None)
+    assert runs_for(swing())[1] > 9
 
 
-@pytest.mark.slow
-def test_what_ended_early_is_not_kept(folder):
+def test_what_ended_early_is_not_kept_and_neither_are_problems_of_the_users(cache_folder):
     """With more time a run may get further; here all of them end at a pole."""
     pole = swing(x0=0.4).changed(rhs=lambda t, y, args: y * y)
     assert runs_for(pole)[0].horizon == 3.0
-    assert not folder.exists()
-
-
-def test_only_problems_of_the_library_are_kept(folder, monkeypatch):
     runs_for(scalar("decay", 1.0, range(6)))
-    assert not folder.exists()
-    runs_for(swing())
-    monkeypatch.setattr("ropeode.cache._folder", None)
-    assert runs_for(swing())[1] > 9
+    assert not (cache_folder / "references").exists()
