@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 from typing import get_args
 
@@ -299,86 +300,61 @@ def test_wrong_arguments_are_refused_before_anything_is_solved(name):
 
 # Between the samples.
 
-RANDOM = np.random.default_rng(7)
+SWING = PROBLEMS["oscillator"](frames=4)
 
 
-def random_times(known, count=400):
-    return np.sort(RANDOM.uniform(known.dense.times[0], known.dense.end, count))
+def turned(ts):
+    return np.where(ts < 1.3, np.exp(ts), np.exp(2.6 - ts))[:, None]
 
 
-def assert_covered_between(known, times, truth):
-    """No true error exceeds its bound."""
-    problem = dataclasses.replace(known.problem, ts=times, jump_times=())
-    for norm in largest_norms(problem).values():
-        assert np.all(
-            distance(problem, norm, known.at(times), truth) <= known.bound_at(times, norm)
-        )
+@functools.cache
+def dense(name):
+    """Of y' = y, and -y from t = 1.3 on, which has a corner there; and of an oscillator."""
+    if name == "a corner":
+        corner = Problem(lambda t, y, args: jnp.where(t < 1.3, y, -y), [1.0], TS, jump_times=[1.3])
+        return reference(corner.changed(exact=turned), dense=True)
+    if name == "more digits":
+        pytest.importorskip("heyoka", reason="heyoka is an extra")
+        return reference(SWING, level="extended", dense=True, time_limit=1e9)
+    return reference(SWING, dense=True)
 
 
-@pytest.fixture(scope="module")
-def oscillator():
-    return reference(PROBLEMS["oscillator"](frames=4), dense=True)
-
-
-@pytest.fixture(scope="module")
-def jumping():
-    """y' = y, and -y from t = 1.3 on: the solution has a corner, between two samples."""
-
-    def turns(t, y, args):
-        return jnp.where(t < 1.3, y, -y)
-
-    return reference(Problem(turns, [1.0], TS, jump_times=[1.3]), dense=True)
-
-
-def test_bound_covers_the_true_error_between_the_samples(oscillator):
-    known, times = oscillator, random_times(oscillator)
-    assert_covered(known, known.problem.exact(known.times))
-    assert_rounding_widens_nothing(known)
-    assert_covered_between(known, times, known.problem.exact(times))
-    for quantity, bounds in known.dense.bounds.items():
-        # Nothing that is much worse than at the samples.
-        samples = known.certificate.bounds[quantity][-1]
-        assert samples <= bounds[-1] <= 3.0 * samples
+@pytest.mark.parametrize("name", ["an oscillator", "more digits", "a corner"])
+def test_bound_covers_the_true_error_between_the_samples(name, tmp_path):
+    """Where the samples are, it is their states to the last bit; and all comes back from a file."""
+    known = dense(name)
+    at = [*known.times, np.nextafter(1.3, 0), 1.3, np.nextafter(1.3, 2)]
+    random = np.random.default_rng(7).uniform(0.0, known.dense.end, 400)
+    times = np.sort([*at, *random])
+    problem, states = known.problem.changed(ts=times, jump_times=()), known.at(times)
+    for quantity, norm in largest_norms(problem).items():
+        true = distance(problem, norm, states, problem.exact(times))
+        assert np.all(true <= known.bound_at(times, norm))
+        assert np.all(known.bound_at(known.times, norm) >= known.bound(norm))
+        # Nothing that is much worse than at the samples, or than a few units of rounding.
+        rounding = 20 * EPS64 * np.max(np.abs(problem.quantity(quantity, states)))
+        bounds, at_samples = known.dense.bounds[quantity], known.certificate.bounds[quantity][-1]
+        assert at_samples <= bounds[-1] <= max(3.0 * at_samples, rounding)
         assert np.all(np.diff(bounds) >= 0)
+    np.testing.assert_array_equal(known.at(known.times[[2, 0, 3, 1]]), known.states[[2, 0, 3, 1]])
+    found = load_reference(save_reference(known, tmp_path / "x.nc"))
+    assert found.dense == known.dense
+    np.testing.assert_array_equal(found.at(times), states)
 
 
-def test_both_sides_of_a_jump(jumping):
+def test_both_sides_of_a_corner():
     """The samples have a tight bound too."""
-    at = np.append(TS, [np.nextafter(1.3, 0), 1.3, np.nextafter(1.3, 2)])
-    times = np.sort(np.append(random_times(jumping), at))
-    exact = np.where(times < 1.3, np.exp(times), np.exp(2.6 - times))[:, None]
-    assert_covered_between(jumping, times, exact)
-    assert jumping.bound()[-1] < 1e-13
-    assert {np.nextafter(1.3, 0), 1.3} <= set(jumping.dense.times.tolist())
-    slopes = jumping.dense.derivatives[np.searchsorted(jumping.dense.times, 1.3) - np.array([1, 0])]
+    known = dense("a corner")
+    assert known.bound()[-1] < 1e-13
+    assert_covered(known, turned(TS))
+    assert {np.nextafter(1.3, 0), 1.3} <= set(known.dense.times.tolist())
+    slopes = known.dense.derivatives[np.searchsorted(known.dense.times, 1.3) - np.array([1, 0])]
     np.testing.assert_allclose(slopes[:, 1, 0], [np.exp(1.3), -np.exp(1.3)], rtol=1e-12)
 
 
-def test_samples_stay_to_the_last_bit_and_all_comes_back_from_a_file(oscillator, jumping, tmp_path):
-    for known in (oscillator, jumping):
-        shuffled = [2, 0, 3, 1]
-        np.testing.assert_array_equal(known.at(known.times[shuffled]), known.states[shuffled])
-        for norm in largest_norms(known.problem).values():
-            assert np.all(known.bound_at(known.times, norm) >= known.bound(norm))
-        found, times = load_reference(save_reference(known, tmp_path / "x.nc")), random_times(known)
-        assert found.dense == known.dense
-        np.testing.assert_array_equal(found.at(times), known.at(times))
-
-
-def test_extended_level_is_good_to_the_last_digits():
-    pytest.importorskip("heyoka", reason="heyoka is an extra")
-    problem = PROBLEMS["oscillator"](frames=4)
-    known = reference(problem, level="extended", dense=True, time_limit=1e9)
-    times = random_times(known)
-    assert_covered_between(known, times, problem.exact(times))
-    for quantity, bounds in known.dense.bounds.items():
-        # A bound of some 4 units of rounding, and three times as much for the polynomials.
-        size = np.max(np.abs(problem.quantity(quantity, known.at(times))))
-        assert bounds[-1] <= 20 * np.finfo(float).eps * size
-    np.testing.assert_array_equal(known.at(known.times), known.states)
-
-
-def test_it_verifies_and_wrong_derivatives_do_not(oscillator, tmp_path):
+def test_it_verifies_and_wrong_derivatives_do_not(tmp_path):
+    oscillator = dense("an oscillator")
+    assert_rounding_widens_nothing(oscillator)
     verified = verify_reference(save_reference(oscillator, tmp_path / "x.nc"))
     assert verified.agrees
     assert verified.samples > len(oscillator.times)
@@ -399,8 +375,8 @@ def test_it_verifies_and_wrong_derivatives_do_not(oscillator, tmp_path):
         ([[0.1]], r"times: \(1, 1\) given"),
     ],
 )
-def test_times_that_are_not_covered(jumping, times, words):
-    for ask in (jumping.at, jumping.bound_at):
+def test_times_that_are_not_covered(times, words):
+    for ask in (dense("a corner").at, dense("a corner").bound_at):
         with pytest.raises(InputError, match=words):
             ask(times)
 
