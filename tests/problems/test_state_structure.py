@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import collections
 import dataclasses
-from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -13,19 +13,8 @@ import pytest
 from ropeode import Ensemble, Problem, Stepper, reference, simulate
 from ropeode.errors import InputError
 
-
-class State(NamedTuple):
-    x: Any
-    v: Any
-
-
-@jax.tree_util.register_dataclass
-@dataclasses.dataclass
-class Registered:
-    x: Any
-    v: Any
-
-
+State = collections.namedtuple("State", ["x", "v"])
+Registered = jax.tree_util.register_dataclass(dataclasses.make_dataclass("Registered", ["x", "v"]))
 TS = np.linspace(0.0, 1.0, 3)
 X, V, STIFFNESS = np.array([[1.0, 0.5], [0.0, 2.0]]), np.array([[0.0, 1.0], [3.0, 0.0]]), 2.0
 

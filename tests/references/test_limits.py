@@ -84,10 +84,14 @@ def test_a_run_stops_when_its_time_is_up_and_else_the_limit_changes_nothing():
         assert run.failure.endswith("its time was up")
         assert run.seconds < 2.0
         assert run.reached < 1e8
+    # In more than one call of a compiled program.
     short = scalar("follows", 0.0, np.linspace(0.0, 4e3, 6), 0.0)
-    free, limited = (solve(short, DOPRI8, 1e-8, 1e-8, **each) for each in ({}, {"seconds": 100.0}))
-    assert free.steps > 4096
-    assert (limited.steps, limited.states.tobytes()) == (free.steps, free.states.tobytes())
+    for solver in (DOPRI8, OWN_DOP853):
+        free = solve(short, solver, 1e-8, 1e-8, max_steps=10**5)
+        limited = solve(short, solver, 1e-8, 1e-8, max_steps=10**5, seconds=100.0)
+        assert limited.steps == free.steps > 4096
+        assert limited.states.tobytes() == free.states.tobytes()
+        np.testing.assert_allclose(free.states[:, 0], np.sin(short.ts), atol=1e-4)
 
 
 def test_samples_in_coarse_times_are_remarked():
