@@ -259,8 +259,8 @@ def test_constants_are_the_binary64_numbers():
     """A literal, what is closed over, an argument, an array; and what they make is not rounded."""
 
     def rhs(t, y, args):
-        tenths = jnp.array([args[0], jnp.full(1, 0.1)[0]]) * y[0]
-        return jnp.stack([0.1 * y[0], np.array([0.1])[0] * y[0], *tenths, args[1] / args[2] * y[0]])
+        arrays = np.array([0.1]) * y[:1], args[:1] * y[:1], jnp.full(1, 0.1) * y[:1]
+        return jnp.stack([0.1 * y[0], *jnp.concatenate(arrays), args[1] / args[2] * y[0]])
 
     problem = Problem(rhs, np.eye(5)[0], [0.0, 1.0], np.array([0.1, 1.0, 3.0]))
     found = translate(problem, 300)
