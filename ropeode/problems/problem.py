@@ -31,9 +31,9 @@ from ropeode.validation import bad_value, check_all, check_memory, not_traced
 Rhs = Callable[[Any, Any, Any], Any]
 Acceleration = Callable[[Any, Any, Any, Any], Any]
 
-# The fields of a problem that its other constructors hand on.
 # Fields that JAX could trace.
 _NUMBERS = ("y0", "ts", "args", "jump_times")
+# Fields that the other constructors hand on.
 _MORE = ("name", "energy", "exact", "jump_times", "constraints", "parameters")
 
 

@@ -1,18 +1,15 @@
-"""The problems that come with the package: their names and parameters, and the rope's forces."""
+"""The problems that come with the package: their names and parameters."""
 
 from __future__ import annotations
 
-import functools
 import inspect
 
 import jax
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from ropeode.errors import InputError
-from ropeode.problems import PROBLEMS, ROPES, Rope
+from ropeode.problems import PROBLEMS, ROPES
 
 # What a parameter of that name may not be; of any other name it may be no word.
 WRONG = {
@@ -47,8 +44,10 @@ def defaults_of(name):
     return {each: p.default for each, p in parameters.items() if each != "parameters"}
 
 
-def without_kind(parameters):
-    return {name: value for name, value in parameters.items() if name != "kind"}
+def made_again(problem):
+    """The problem of the same parameters, which are enough to make it."""
+    given = dict(problem.parameters)
+    return PROBLEMS[given.pop("kind")](**given)
 
 
 def other_than(value):
@@ -66,7 +65,7 @@ def test_parameters_build_the_problem_anew(name, which):
         given = {each: other_than(value) for each, value in given.items()} | OF_ROPES.get(name, {})
     problem = PROBLEMS[name](**given)
     assert problem.parameters["kind"] == name
-    again = PROBLEMS[name](**without_kind(problem.parameters))
+    again = made_again(problem)
     assert again.parameters == problem.parameters
     assert problem.frames == problem.parameters["frames"] == given["frames"]
     numbers = [jax.tree.leaves((each.y0, each.ts, each.args)) for each in (again, problem)]
@@ -99,95 +98,3 @@ def test_masses_that_are_not_named_start_at_rest():
     assert problem.y0.tolist() == [[1, 2, 0], [3, 0, 0]]
     with pytest.raises(InputError, match=r"velocity.*3 given for 2 masses"):
         PROBLEMS["linear-chain"](num_masses=2, velocity=[1, 2, 3])
-
-
-def accelerations_node_by_node(x, v, args):
-    """Newton's second law for a rope, as one writes it down; ``x`` is ``(nodes, dim)``."""
-    nodes, dim = x.shape
-    result = np.zeros((nodes, dim))
-    for i in range(nodes):
-        force = args.mass[i] * args.gravity[:, 0] - args.damping[i] * v[i]
-        for spring, neighbour in ((i - 1, i - 1), (i, i + 1)):
-            if 0 <= neighbour < nodes:
-                length = np.linalg.norm(x[neighbour] - x[i])
-                direction = (x[neighbour] - x[i]) / length
-                stretch = length - args.rest_length[spring]
-                force = force + args.stiffness[spring] * stretch * direction
-        result[i] = force / args.mass[i] if args.free[i] else 0.0
-    return result
-
-
-@st.composite
-def ropes_in_motion(draw, **fixed):
-    """A rope with its own mass, spring and damping for each node, and a state far from rest."""
-    dim, nodes = draw(st.sampled_from([(2, 1), (3, 2), (2, 7)]))
-    random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
-    rope = Rope(
-        start=random.normal(size=dim) * 5,
-        end=random.normal(size=dim) * 5,
-        num_nodes=nodes,
-        gravity=random.normal(size=dim),
-        **{
-            "node_mass": random.uniform(0.1, 5, nodes),
-            "stiffness": random.uniform(0.1, 500, nodes - 1),
-            "damping": random.uniform(0, 3, nodes),
-            "pinned": draw(st.lists(st.integers(0, nodes - 1), unique=True)),
-            **fixed,
-        },
-    )
-    return rope.problem(frames=1), random.normal(size=(2, dim, nodes)) * 4
-
-
-compiled = functools.cache(jax.jit)
-EXAMPLE = Rope(num_nodes=3).problem(frames=1)
-acceleration, energy = EXAMPLE.mechanics.acceleration, EXAMPLE.energy
-energy_slope = jax.grad(energy, argnums=1)
-
-
-def in_jax(function, *inputs):
-    with jax.enable_x64(True):
-        return np.asarray(compiled(function)(*inputs))
-
-
-@settings(deadline=None, max_examples=20)
-@given(case=ropes_in_motion())
-def test_rope_obeys_newtons_second_law(case):
-    problem, (x, v) = case
-    # Whatever it is of, its parameters are enough to make it.
-    assert PROBLEMS["rope"](**without_kind(problem.parameters)).parameters == problem.parameters
-    expected = accelerations_node_by_node(x.T, v.T, problem.args)
-    found = in_jax(acceleration, 0.0, x, v, problem.args).T
-    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12 * np.max(np.abs(expected)))
-
-
-@settings(deadline=None, max_examples=20)
-@given(case=ropes_in_motion(damping=0.0))
-def test_forces_without_damping_are_the_energys_slope(case):
-    problem, y = case
-    args = problem.args
-    slope = in_jax(energy_slope, 0.0, y, args)
-    forces = args.mass * in_jax(acceleration, 0.0, *y, args._replace(free=np.ones_like(args.free)))
-    size = np.max(np.abs(slope))
-    np.testing.assert_allclose(-slope[0], forces, rtol=1e-12, atol=1e-12 * size)
-    np.testing.assert_allclose(slope[1], args.mass * y[1], rtol=1e-12)
-    # Along the solution, where pins hold, it does not change.
-    moving = np.stack([y[0], y[1] * args.free])
-    rates = slope * in_jax(problem.rhs, 0.0, moving, args)
-    assert abs(np.sum(rates)) <= 1e-12 * np.sum(np.abs(rates))
-
-
-@pytest.mark.parametrize("derivative", [jax.jacfwd, jax.jacrev])
-def test_a_spring_of_length_zero_pulls_nowhere(derivative):
-    args = EXAMPLE.args._replace(
-        mass=np.array([2.0, 3.0, 1.0]), stiffness=np.array([5.0, 7.0]),
-        rest_length=np.ones(2), free=np.ones(3), gravity=np.zeros((2, 1)), damping=np.zeros(3),
-    )  # fmt: skip
-    x, v = np.array([[1.0, 1.0, 1.5], [0.0, 0.0, 0.0]]), np.zeros((2, 3))
-    found = in_jax(acceleration, 0.0, x, v, args)
-    pull = 7.0 * (0.5 - 1.0)
-    np.testing.assert_allclose(found, [[0.0, pull / 3.0, -pull], [0.0] * 3], rtol=1e-15)
-    jacobian = in_jax(derivative(acceleration, argnums=1), 0.0, x, v, args)
-    assert np.all(np.isfinite(jacobian))
-    assert np.any(jacobian[:, 1])
-    slope = in_jax(derivative(energy, argnums=1), 0.0, np.stack([x, v]), args)
-    assert np.all(np.isfinite(slope))

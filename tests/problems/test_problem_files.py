@@ -33,9 +33,6 @@ def in_jax(t, y, args):
 def of_angle(angle, y, strength):
     return [y[1], -strength * y[0]]
 
-def odeint_order(y, t):
-    return pendulum(t, y)
-
 def of_others(mass, length):
     return mass * length
 """
@@ -68,23 +65,14 @@ def test_right_hand_sides_with_what_stands_beside_them(tmp_path):
     ("name", "names", "words"),
     [
         ("pendulum", "", r"add the line `y0 = .*` and add the line `t_span = \(0\.0, 10\.0\)`"),
-        ("of_strength", "y0, t_span = [1.0, 0.0], (0, 5)", r"\(t, y, strength\) given; .* args="),
         ("pendulum", "y0, ts, events = [1.0, 0.0], [0, 1], 3", r"events: 3 .*/events\.md"),
         ("number", "", r"a Problem, a rope, .* and this is a int"),
-        ("odeint_order", "y0, t_span = [1.0, 0.0], (0, 5)", "the order of odeint"),
         ("of_others", "", r"a function of \(mass, length\)' given; .* t and y, with y0 and t_span"),
     ],
 )
 def test_what_is_missing_is_said_with_the_line_to_write(tmp_path, name, names, words):
     with pytest.raises(InputError, match=words):
         loaded(tmp_path, name, names)
-
-
-def test_a_command_says_what_is_wrong_with_it(tmp_path, run):
-    (tmp_path / "own.py").write_text(FOR_SCIPY.format(names="y0, t_span = [1.0, 0.0], (0, 5)"))
-    ran = run("table", "--problem", "own.py:odeint_order")
-    assert ran.returncode == 2
-    assert ran.stderr.startswith("ropeode: fun: a function of (y, t) given, the order of odeint")
 
 
 BESIDE = {

@@ -77,16 +77,12 @@ def path():
 
 
 @as_for_users
-def test_nothing_is_found_in_what_is_smooth(path):
-    found = look_between(turn(), path, BOUNDS)
-    assert found.sampling.times >= 2**20
-    assert found.sampling.spacing <= 10.0 / 2**20
-    assert len(found.times) == len(found.stops) == 0
-
-
-@as_for_users
-def test_what_lasts_longer_than_the_spacing_is_found_wherever_it_is(path):
-    width = 1.001 * look_between(turn(), path, BOUNDS).sampling.spacing
+def test_what_lasts_longer_than_the_spacing_is_found_wherever_it_is_and_nothing_else(path):
+    smooth = look_between(turn(), path, BOUNDS)
+    assert smooth.sampling.times >= 2**20
+    assert smooth.sampling.spacing <= 10.0 / 2**20
+    assert len(smooth.times) == len(smooth.stops) == 0
+    width = 1.001 * smooth.sampling.spacing
     random = np.random.default_rng(3)
     places = [*random.uniform(0.0, 10.0 - width, 3), 1e-9, 10.0 - 1.001 * width, TS[2] - width / 2]
     for start in places:
@@ -147,8 +143,10 @@ def pushed(start, end):
 @as_for_users
 def test_the_certificate_says_what_was_seen():
     start, width = 5.3, 2e-5
-    known = reference(turn(1.0, start, start + width))
-    assert known.horizon == 6.0
+    kicked = turn(1.0, start, start + width)
+    known, *members = reference(kicked), *reference(Ensemble.of([kicked, turn()]))
+    assert [each.horizon for each in (known, *members)] == [6.0, 6.0, None]
+    assert all(each.certificate.sampling.times > 2**20 for each in members)
     assert "near t = 5.300" in known.certificate.horizon_reason
     assert known.certificate.sampling.times > 2**20
     assert known.certificate.witnesses[-1].role == "close look"
@@ -170,14 +168,6 @@ def test_a_hole_in_the_right_hand_side_is_not_trusted():
     # Close to zero a root may be asked for less than nothing, off the solution only.
     ts = np.linspace(0.0, 1.99999, 6)
     assert reference(turn(equation=_roots, y0=[1.0, 1.5], ts=ts)).horizon is None
-
-
-@as_for_users
-def test_a_member_of_an_ensemble_is_looked_at_like_any_problem():
-    kicked = turn(1.0, 5.3, 5.3 + 2e-5)
-    members = reference(Ensemble.of([turn(), kicked]))
-    assert [member.horizon for member in members] == [None, 6.0]
-    assert all(member.certificate.sampling.times > 2**20 for member in members)
 
 
 def test_times_are_never_on_a_jump():

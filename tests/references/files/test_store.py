@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import os
 import resource
 import shutil
@@ -26,11 +25,12 @@ from ropeode.problems import PROBLEMS, Problem, Rope
 from ropeode.references import (
     KVAERNO5,
     SCIPY_RADAU,
-    Certificate,
     Reference,
+    ReferenceOptions,
     Sampling,
     Witness,
     load_reference,
+    reference_for,
     save_reference,
     stored_facts,
     taylor,
@@ -39,6 +39,8 @@ from ropeode.references import (
     with_dense_output,
 )
 from ropeode.simulation import simulate
+from tests.exact_reference import exact_reference
+from tests.references.scalar_problems import scalar
 from tests.sampled import sampled
 
 
@@ -84,35 +86,31 @@ def anything(problem: Problem, reached: int) -> Reference:
     def series():
         return {name: random.exponential(size=len(problem.ts)) for name in problem.quantities}
 
-    return Reference(
-        problem=problem,
-        states=random.normal(size=(reached, *problem.y0.shape)),
-        certificate=Certificate(
-            level="consensus",
-            solver=KVAERNO5,
-            rtol=1e-11,
-            atol=random.exponential(),
-            steps=1234,
-            accuracy=random.exponential(),
-            bounds=series(),
-            drift={
-                name: random.exponential(size=reached)
-                for name in problem.drift(np.stack([problem.y0] * reached))
-            },
-            trusted=reached - 1,
-            horizon=float(problem.ts[reached - 1]),
-            horizon_reason="so it is",
-            witnesses=(
-                Witness(SCIPY_RADAU, 1e-12, "independent", 77, 0.3, series(), np.inf),
-                Witness(taylor(113), 2.0**-112, "fewer digits", 5, 0.1, series(), 0.2),
-            ),
-            stiff=True,
-            seconds=1.5,
-            compile_seconds=0.25,
-            versions={"ropeode": "0"},
-            sampling=Sampling(times=2**20, spacing=1e-6) if reached == 4 else None,
+    known = exact_reference(problem, random.normal(size=(reached, *problem.y0.shape)))
+    drift = problem.drift(np.stack([problem.y0] * reached))
+    certificate = dataclasses.replace(
+        known.certificate,
+        solver=KVAERNO5,
+        rtol=1e-11,
+        atol=random.exponential(),
+        steps=1234,
+        accuracy=random.exponential(),
+        bounds=series(),
+        drift={name: random.exponential(size=reached) for name in drift},
+        trusted=reached - 1,
+        horizon=float(problem.ts[reached - 1]),
+        horizon_reason="so it is",
+        witnesses=(
+            Witness(SCIPY_RADAU, 1e-12, "independent", 77, 0.3, series(), np.inf),
+            Witness(taylor(113), 2.0**-112, "fewer digits", 5, 0.1, series(), 0.2),
         ),
+        stiff=True,
+        seconds=1.5,
+        compile_seconds=0.25,
+        versions={"ropeode": "0"},
+        sampling=Sampling(times=2**20, spacing=1e-6) if reached == 4 else None,
     )
+    return dataclasses.replace(known, certificate=certificate)
 
 
 # Ropes, and what is of first order; the others are kept by name and parameters as well.
@@ -157,7 +155,12 @@ def test_a_reference_is_read_without_its_problem(name, older, tmp_path):
     path = OLDER / f"{name}.nc" if older else save_reference(known, tmp_path / "own.nc")
     found = load_reference(path)
     same(found, known)
-    same(load_reference(path, problem), known)
+    again = load_reference(path, problem)
+    same(again, known)
+    if problem.structure is not None and not older:
+        assert set(again.tree) == {"x", "v"}
+        with pytest.raises(InputError, match="load_reference"):
+            _ = found.tree
     for name in problem.quantities:
         stored = found.problem.quantity(name, found.states)
         np.testing.assert_array_equal(stored, problem.quantity(name, known.states))
@@ -172,7 +175,7 @@ def test_what_needs_the_equations_says_so(tmp_path):
     problem = own_problem()
     found = load_reference(save_reference(anything(problem, 4), tmp_path / "own.nc"))
     needed = r"problem: 'own' given.*own\.nc.*load_reference\(path, problem\)"
-    uses = [
+    for use in (
         lambda: simulate(found.problem, "rk4", 4),
         lambda: reference(found.problem),
         lambda: accuracy_table(found, ["velocity-verlet"], [4]),
@@ -182,8 +185,7 @@ def test_what_needs_the_equations_says_so(tmp_path):
         lambda: save_reference(found, tmp_path / "again.nc"),
         lambda: dataclasses.replace(found.problem, name="other"),
         lambda: verify_reference(tmp_path / "own.nc"),
-    ]
-    for use in uses:
+    ):
         with pytest.raises(InputError, match=needed):
             use()
     assert not (tmp_path / "again.nc").exists()
@@ -191,35 +193,19 @@ def test_what_needs_the_equations_says_so(tmp_path):
         load_reference(tmp_path / "own.nc", own_problem(drive=0.5000001))
 
 
-def test_the_states_of_a_tree_need_its_structure(tmp_path):
-    path = save_reference(anything(OTHERS["a-tree"](), 4), tmp_path / "tree.nc")
-    with pytest.raises(InputError, match="load_reference"):
-        _ = load_reference(path).tree
-    assert set(load_reference(path, OTHERS["a-tree"]()).tree) == {"x", "v"}
-
-
 def test_xarray_reads_it_with_names(saved, rope):
     """So that another program can solve the same problem."""
+    args = rope.problem.args
     with xarray.open_dataset(saved) as data:
         assert data.position.dims == data.velocity.dims == ("time", "node", "component")
         assert (data.bound.dims, data.mass.dims) == (("time",), ("node",))
         assert data.stiffness.dims == data.rest_length.dims == ("spring",)
         assert data.attrs["Conventions"].startswith("CF-")
-        for name in data.variables:
-            assert "units" in data[name].attrs or name == "time"
-            assert "long_name" in data[name].attrs
+        assert all("long_name" in data[name].attrs for name in data.variables)
         np.testing.assert_array_equal(data.velocity, rope.velocities)
-        np.testing.assert_array_equal(data.pinned, [1, 0, 0, 0])
+        np.testing.assert_array_equal(data.pinned, 1 - args.free)
         for name in ("mass", "stiffness", "rest_length", "damping", "gravity"):
-            known = getattr(rope.problem.args, name)
-            np.testing.assert_array_equal(np.ravel(data[name]), np.ravel(known))
-
-
-def stiffer(problem):
-    def rhs(t, y, args):
-        return problem.rhs(t, y, args._replace(stiffness=args.stiffness * (1 + 1e-9)))
-
-    return dataclasses.replace(problem, rhs=rhs)
+            np.testing.assert_array_equal(np.ravel(data[name]), np.ravel(getattr(args, name)))
 
 
 @pytest.mark.parametrize(
@@ -228,7 +214,7 @@ def stiffer(problem):
         (lambda rope: rope_problem(node_mass=(1, 2, 1, 0.31)), "node_mass: "),
         (lambda rope: rope_problem(frames=4), "frames: 4 given"),
         (lambda rope: PROBLEMS["kepler"](frames=3), "kind: 'kepler' given; allowed: 'rope'"),
-        (stiffer, "right-hand side"),
+        (lambda rope: rope.changed(rhs=lambda t, y, a: 1.000001 * rope.rhs(t, y, a)), "right-hand"),
     ],
 )
 def test_another_problem_is_refused_by_name(saved, rope, other, words):
@@ -269,17 +255,14 @@ def test_what_is_changed_does_not_pass_for_what_was(saved, tmp_path):
         numbers = [name for name, values in file.items() if values.dtype == np.float64]
         words = [name for name, value in file.attrs.items() if isinstance(value, str)]
     assert len(numbers) > 9
-
-    def change(file, name):
-        if name in words:
-            file.attrs[name] = "ropeode.reference/99"
-        else:
-            file[name][...] = file[name][...] * (1.0 + 1e-9) + 1e-12
-
-    for name in (*numbers, *words):
+    changes = [
+        *(lambda file, n=n: file[n].write_direct(np.array(file[n][...] + 1e-9)) for n in numbers),
+        *(lambda file, n=n: file.attrs.update({n: "ropeode.reference/99"}) for n in words),
+    ]
+    for change in changes:
         copy = Path(shutil.copy(saved, tmp_path / "x.nc"))
         with pytest.raises(InputError, match="reference: "):
-            load_reference(resealed(copy, functools.partial(change, name=name)))
+            load_reference(resealed(copy, change))
 
 
 TRICKS = {
@@ -353,3 +336,50 @@ def test_a_right_reference_comes_back_and_verifies_itself_and_a_wrong_one_does_n
     assert not found.agrees
     assert found.outside == {"position": 2.0}
     assert found.distances["position"] == pytest.approx(1e-6, rel=1e-3)
+
+
+# In the cache folder: found again where all is the same, and nowhere else.
+
+
+def swing(**parameters):
+    return PROBLEMS["oscillator"](frames=4, **parameters)
+
+
+def runs_for(problem, options=ReferenceOptions()):  # noqa: B008
+    """The reference, and how many runs of solvers it took."""
+    said = []
+    known = reference_for(problem, options, lambda text, fraction: said.append(text))
+    return known, len(said)
+
+
+def test_a_kept_reference_is_the_one_that_was_computed_and_what_differs_has_another(
+    cache_folder, tmp_path, monkeypatch
+):
+    computed, runs = runs_for(swing())
+    assert runs > 9
+    again, runs = runs_for(swing())
+    assert runs == 0
+    first, second = (
+        save_reference(each, tmp_path / f"{name}.nc").read_bytes()
+        for name, each in (("a", computed), ("b", again))
+    )
+    assert first == second
+    changed = swing()
+    right = changed.rhs
+    for problem, options in (
+        (swing(), ReferenceOptions(rtol=1e-6)),
+        (swing(x0=1.1), ReferenceOptions()),
+        # Parameters of the library are no evidence of the equation.
+        (changed.changed(rhs=lambda t, y, args: 1.001 * right(t, y, args)), ReferenceOptions()),
+    ):
+        assert runs_for(problem, options)[1] > 9
+    monkeypatch.setattr("ropeode.cache._folder", None)
+    assert runs_for(swing())[1] > 9
+
+
+def test_what_ended_early_is_not_kept_and_neither_are_problems_of_the_users(cache_folder):
+    """With more time a run may get further; here all of them end at a pole."""
+    pole = swing(x0=0.4).changed(rhs=lambda t, y, args: y * y)
+    assert runs_for(pole)[0].horizon == 3.0
+    runs_for(scalar("decay", 1.0, range(6)))
+    assert not (cache_folder / "references").exists()
