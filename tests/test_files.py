@@ -9,7 +9,7 @@ import stat
 import pytest
 
 from ropeode.errors import InputError
-from ropeode.files import check_writable, parse_toml, read_text, write_whole
+from ropeode.files import check_writable, parse_toml, write_whole
 
 
 def test_writes_and_replaces(tmp_path):
@@ -56,19 +56,6 @@ def test_parts_that_killed_processes_left_are_removed(tmp_path):
         write_whole(path, "whole")
     left = {".mine.part", ".table.txt.in_use_9.part", "table.txt", "x.part"}
     assert set(os.listdir(tmp_path)) == left
-
-
-def test_what_cannot_be_read(tmp_path):
-    os.mkfifo(tmp_path / "pipe")
-    (tmp_path / "binary").write_bytes(b"\xff\xfe\x00")
-    no_file = "a pipe or a device, not a file"
-    for path, why in {
-        **dict.fromkeys((tmp_path / "pipe", "/dev/zero", tmp_path), no_file),
-        tmp_path / "missing": r"\(No such file",
-        tmp_path / "binary": "not UTF-8",
-    }.items():
-        with pytest.raises(InputError, match=rf"spec: .*{why}"):
-            read_text("spec", path)
 
 
 @pytest.mark.parametrize(
