@@ -3,13 +3,8 @@
 from __future__ import annotations
 
 import copy
-import csv
 import dataclasses
 import hashlib
-import io
-import os
-import subprocess
-import sys
 
 import jax
 import jax.numpy as jnp
@@ -21,8 +16,7 @@ from ropeode.analysis import in_other_units
 from ropeode.cache import Source, described
 from ropeode.problems import InextensibleRope, Problem, Rope
 from ropeode.simulation import simulate
-from ropeode.steppers import STEPPERS, RungeKutta4, StormerVerlet, as_stepper
-from tests.time_limit import HANGS_AFTER_S
+from ropeode.steppers import RungeKutta4, StormerVerlet, as_stepper
 
 POINT, ARRAY = np.array([0.1, 0.7]), np.array([1.0, 2.0])
 ROPE, INEXTENSIBLE = (kind(num_nodes=4).problem(frames=3) for kind in (Rope, InextensibleRope))
@@ -160,49 +154,6 @@ def test_what_calls_python_or_lapack_is_not_kept(folder, calls_out):
     results, _ = program.run()
     assert program.run() == (results, 2)
     assert not folder.exists()
-
-
-STIFF = """
-import jax.numpy as jnp
-from ropeode import Problem
-def rhs(t, y, args):
-    slow, back, fast = 0.04 * y[0], 1e4 * y[1] * y[2], 3e7 * y[1] ** 2
-    return jnp.stack([back - slow, slow - back - fast, fast])
-problem = Problem(rhs, [1.0, 0.0, 0.0], [0.0, 1.0, 1e5])
-"""
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "words",
-    [
-        # Which errors are predicted is a matter of time.
-        f"table --no-predict --steps 8,16,32 --format csv --steppers {','.join(STEPPERS)}",
-        "table --problem hires --no-predict --steps 8,16 --format csv --steppers rk4,gauss4,bdf2",
-        "reference compute --problem stiff.py:problem --out a.nc",
-    ],
-)
-def test_a_command_says_the_same_three_times_with_one_cache(words, tmp_path):
-    """In three processes."""
-    (tmp_path / "stiff.py").write_text(STIFF)
-    said = set()
-    for _ in range(3):
-        done = subprocess.run(
-            [sys.executable, "-m", "ropeode", *words.split()],
-            capture_output=True,
-            text=True,
-            timeout=HANGS_AFTER_S,
-            cwd=tmp_path,
-            env={**os.environ, "XDG_CACHE_HOME": str(tmp_path)},
-        )
-        assert done.returncode == 0, done.stderr
-        said.add(without_times(done.stdout) if "csv" in words else done.stdout)
-    assert len(said) == 1
-
-
-def without_times(table):
-    rows = [*csv.DictReader(io.StringIO(table))]
-    return repr([{name: row[name] for name in row if "seconds" not in name} for row in rows])
 
 
 class Derived(RungeKutta4):

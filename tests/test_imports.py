@@ -25,27 +25,19 @@ ROOT = PACKAGE.parent
 
 # Modules that tests and other rooms may import: mathematics and data that read like a textbook.
 # The module itself is its face.
-LEAVES: dict[str, str] = {
-    "ropeode.checking.energy_drift": "what drifts and what stays bounded, on made-up curves",
-    "ropeode.checking.richardson": "limits of runs for dt = 0, of series that are known",
-    "ropeode.checking.trajectories.coarse_steps": "the order of errors with made-up round-off",
-    "ropeode.checking.written_precision": "with how many digits numbers were written",
-    "ropeode.laboratory.messages": "what the page and Python say to each other",
-    "ropeode.laboratory.scenes": "lessons and figures, as data",
-    "ropeode.problems.links": "vectors of neighbours, tensions and impulses along a chain",
-    "ropeode.problems.nested_jaxprs": "the equations of a traced function, inside loops too",
-    "ropeode.problems.rope": "the rope's acceleration, energy and damping",
-    "ropeode.references.defect": "what a right-hand side does between steps, by known pulses",
-    "ropeode.references.extended.taylor": "Taylor series in extended precision, to 30 digits",
-    "ropeode.references.extended.translate": "right-hand sides as expressions, held against JAX",
-    "ropeode.references.solvers.dop853": "many problems side by side, held against SciPy's method",
-    "ropeode.references.solvers.rounding": "what each operation loses, by operations that lose it",
-    "ropeode.render.plots.overlaps": "where lines and marks go that would hide one another",
-    "ropeode.study.error_constant": "the leading term of an error, on runs made up for it",
-    "ropeode.study.pareto": "Pareto fronts and costs of errors, held against brute force",
-    "ropeode.tableaus.rooted_trees": "rooted trees, held against their known numbers",
-    "ropeode.tableaus.stages": "arithmetic with exact coefficients",
-    "ropeode.theory.known_mistakes": "famous mistakes, as data",
+LEAVES = {
+    f"ropeode.{room}.{module}"
+    for room, modules in {
+        "checking": "energy_drift richardson trajectories.coarse_steps written_precision",
+        "laboratory": "messages scenes",
+        "problems": "links nested_jaxprs rope",
+        "references": "defect extended.taylor extended.translate solvers.dop853 solvers.rounding",
+        "render": "plots.overlaps",
+        "study": "error_constant pareto",
+        "tableaus": "rooted_trees stages",
+        "theory": "known_mistakes",
+    }.items()
+    for module in modules.split()
 }
 
 
@@ -79,7 +71,7 @@ def imported(tree: ast.AST) -> Iterator[tuple[str, str]]:
 
 def is_behind_a_face(module: str, name: str) -> bool:
     room, *inside = module.split(".")[1:] or ["no room"]
-    if not (PACKAGE / room).is_dir() or {module, f"{module}.{name}"} & LEAVES.keys():
+    if not (PACKAGE / room).is_dir() or {module, f"{module}.{name}"} & LEAVES:
         return False
     # A module with the name of its function would hide it in the face.
     if inside:

@@ -18,22 +18,7 @@ import pytest
 from numpy.typing import ArrayLike
 
 import ropeode
-from ropeode import (
-    Ensemble,
-    Problem,
-    Rope,
-    Thresholds,
-    accuracy_table,
-    energy_curves,
-    error_curves,
-    error_series,
-    growth_per_frame,
-    load,
-    observed_order,
-    save_reference,
-    simulate,
-    stability_limit,
-)
+from ropeode import Ensemble, Problem, Rope, observed_order, simulate
 from ropeode.errors import InputError
 from ropeode.references import Asked, More
 from ropeode.simulation.jax_stepper import jax_stepper
@@ -84,21 +69,21 @@ def test_numbers_in_any_form(form):
 @pytest.fixture(scope="module")
 def truth():
     """A reference that nobody need compute."""
-    return load("pendulum")
+    return ropeode.load("pendulum")
 
 
 def test_steps_and_times_in_any_form(truth):
     forms = ((16, 32), np.array([16, 32]), jnp.array([16, 32]))
     for steps in forms:
-        rows = accuracy_table(truth, ["rk4"], steps).rows
+        rows = ropeode.accuracy_table(truth, ["rk4"], steps).rows
         assert [row.steps_per_frame for row in rows] == [16, 32]
-        assert len(error_curves(truth, ("rk4",), steps).curves) == 2
-    assert len(energy_curves(truth, ["rk4"], np.array([16])).curves) == 1
+        assert len(ropeode.error_curves(truth, ("rk4",), steps).curves) == 2
+    assert len(ropeode.energy_curves(truth, ["rk4"], np.array([16])).curves) == 1
     run = simulate(truth.problem, "rk4", 16)
     first = truth.times[1:3]
     for times in (first, first.tolist(), tuple(first), jnp.asarray(first)):
-        series = error_series(run.states[1:3].tolist(), truth, times=times)
-        np.testing.assert_array_equal(series.values, error_series(run, truth).values[:2])
+        series = ropeode.error_series(run.states[1:3].tolist(), truth, times=times)
+        np.testing.assert_array_equal(series.values, ropeode.error_series(run, truth).values[:2])
 
 
 ROPE = Rope(num_nodes=4).problem(frames=3)
@@ -113,7 +98,7 @@ PUBLIC = {name: getattr(ropeode, name) for name in vars(ropeode)["__all__"]}
 def given(truth, tmp_path_factory) -> dict[str, Any]:
     """Values of the parameters that must be given, in calls of public functions."""
     path = tmp_path_factory.mktemp("kept") / "pendulum.nc"
-    save_reference(truth, path)
+    ropeode.save_reference(truth, path)
     return {
         **dict.fromkeys(("problem", "given"), ROPE),
         **dict.fromkeys(("stepper", "step"), "rk4"),
@@ -184,11 +169,11 @@ TRACED: dict[str, list[Callable[[Any, Any], Any]]] = {
         lambda x, xs: Ensemble.varying(ROPE, y0=xs),
         lambda x, xs: Ensemble.varying(ROPE, args=ROPE.args._replace(damping=xs)),
     ],
-    "Thresholds": [lambda x, _: Thresholds(speed=x)],
+    "Thresholds": [lambda x, _: ropeode.Thresholds(speed=x)],
     "jax_stepper": [lambda x, _: jax_stepper(ROPE, "rk4").states(x)],
     "observed_order": [lambda x, xs: observed_order([1, 2, 3], [x, None, 1.0])],
-    "growth_per_frame": [lambda x, _: growth_per_frame(ROPE, "rk4", 4, ROPE.y0 * x)],
-    "stability_limit": [lambda x, _: stability_limit(ROPE, "rk4", ROPE.y0 * x)],
+    "growth_per_frame": [lambda x, _: ropeode.growth_per_frame(ROPE, "rk4", 4, ROPE.y0 * x)],
+    "stability_limit": [lambda x, _: ropeode.stability_limit(ROPE, "rk4", ROPE.y0 * x)],
     "rope_report": [lambda x, _: ropeode.rope_report([1], x)],
 }
 
@@ -226,7 +211,7 @@ def test_what_jax_traces_is_met_with_what_to_do(name, given):
 def test_states_that_jax_traces(truth):
     run = simulate(truth.problem, "rk4", 16)
     with pytest.raises(InputError, match="jax_stepper"):
-        jax.jit(lambda states: error_series(states, truth).max)(run.states)
+        jax.jit(lambda states: ropeode.error_series(states, truth).max)(run.states)
 
 
 def result_of(value: Any) -> Any:

@@ -32,17 +32,14 @@ def against(monkeypatch):
 
 @pytest.mark.slow
 def test_steps_and_ropes_without_other_packages(against):
-    methods = (("semi-implicit-euler", 0.0),)
-    small = against.stepping.Size((3,), methods, node_steps=48, slow_node_steps=24, rounds=3)
+    small = against.stepping.Size((3,), (("semi-implicit-euler", 0.0),), 48, 24, rounds=3)
+    few = against.many.Size((2,), 32, 16, ("semi-implicit-euler",), rounds=1)
     with jax.enable_x64(True):
-        (case,) = against.stepping.same_steps(small, against.nobody, None)
-    assert [row["by"] for row in case["rows"]] == ["ropeode", "lax.scan", "diffrax", "NumPy"]
-    for row in case["rows"]:
-        assert len(row["values"]) == 3
-        assert min(row["values"]) > 0
-    small = against.many.Size((2,), 32, 16, ("semi-implicit-euler",), rounds=1)
-    (case,) = against.many.run(small, against.nobody, None)
-    assert [row["by"] for row in case["rows"]] == ["ropeode", "lax.scan", "NumPy"]
+        (one,) = against.stepping.same_steps(small, against.nobody, None)
+    (many,) = against.many.run(few, against.nobody, None)
+    assert [row["by"] for row in one["rows"]] == ["ropeode", "lax.scan", "diffrax", "NumPy"]
+    assert all(len(row["values"]) == 3 and min(row["values"]) > 0 for row in one["rows"])
+    assert [row["by"] for row in many["rows"]] == ["ropeode", "lax.scan", "NumPy"]
 
 
 def test_what_ends_elsewhere_is_not_timed(against):

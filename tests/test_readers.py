@@ -30,6 +30,7 @@ from ropeode import (
     save_reference,
 )
 from ropeode.errors import InputError, InputWarning, UserCodeError
+from ropeode.sweep import commented_sweep
 from tests.checking.trajectory_writing import write_runs
 
 SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 16))]
@@ -144,10 +145,13 @@ def other_array(values, draw):
     return draw.choice([one, one, one, *others])
 
 
-JSON = [
-    "null", "true", "false", "-1", "0", "0.5", "-1e300", "1e308", "1e999", "1000000000", "NaN",
-    "1" + "0" * 30, '""', '"x"', '"' + "x" * 100_000 + '"', '"rope"', '"extended"', "[]", "{}",
-    "[[]]", '[1, "a"]', '{"kind": []}', '{"self": 1, "cls": 1}', "[" * 5000, "9" * 5000, "\x01",
+# Values for texts of TOML and of JSON.
+WORDS = [
+    "null", "NaN", "1e999", "\x01", '"rope"', '"extended"', '{"kind": []}', '{"self": 1, "cls": 1}',
+    "true", "-1", "0", "1e308", "nan", "inf", "9" * 30, "9" * 5000, "0x" + "f" * 4000, "1_000_000",
+    '""', '"x"', '"1/0"', '"1e-999999999"', '"' + "x" * 9000 + '"', "[]", "{}", "[" * 3000,
+    "[" * 15 + "]" * 15, "{a=" * 500, "{a=" * 12 + "1" + "}" * 12, "1979-05-27", "[1, [2]]",
+    "[" + "1, " * 3000 + "]", '"""' + "y" * 9000, "'", '"\\u0000"', "{self = 1, cls = 2}",
 ]  # fmt: skip
 
 
@@ -159,7 +163,7 @@ def other_reference(variables, texts, draw):
     elif part is texts:
         name = draw.choice(["problem", "certificate"])
         lines = json.dumps(json.loads(texts[name]), indent=0).encode()
-        changed = other_text(lines, JSON, [f'"more": {each},' for each in JSON], draw)
+        changed = other_text(lines, WORDS, [f'"more": {each},' for each in WORDS], draw)
         texts[name] = changed.decode(errors="replace").replace("\0", "")
     else:
         name = draw.choice([*variables])
@@ -208,31 +212,25 @@ def test_a_reference_written_again_is_the_same(stored, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "name", "value"),
+    ("name", "value"),
     [
-        ("problem", "frames", "1000000000"),
-        ("problem", "samples", "-2"),
-        ("certificate", "trusted", "1000000000000"),
-        ("certificate", "level", '"proved"'),
+        ("frames", "1000000000"),
+        ("samples", "-2"),
+        ("trusted", "1000000000000"),
+        ("level", '"proved"'),
+        *((name, np.nan) for name in ("position", "velocity", "bound", "probe_rate", "time")),
     ],
 )
-def test_a_text_that_claims_too_much(text, name, value, stored, tmp_path):
-    variables, texts = stored["rope-at-rest"]
-    changed, count = re.subn(rf'("{name}": )[^,}}]+', rf"\g<1>{value}", texts[text])
-    assert count == 1
-    path = write(tmp_path / "x.nc", variables, {**texts, text: changed})
-    with pytest.raises(InputError, match=rf"reference: .*x\.nc.*{name}.*Fix: "):
-        load_reference(path)
-
-
-@pytest.mark.parametrize("name", ["position", "velocity", "bound", "probe_rate", "time"])
-def test_numbers_that_are_none(name, stored, tmp_path):
-    variables, texts = stored["rope-at-rest"]
-    values, words = variables[name]
-    values = values.copy()
-    values[-1] = np.nan
-    path = write(tmp_path / "x.nc", {**variables, name: (values, words)}, texts)
-    with pytest.raises(InputError, match=f"{name}|right-hand side"):
+def test_a_whole_file_that_claims_what_cannot_be(name, value, stored, tmp_path):
+    """In one of its texts, or as the last number of an array."""
+    variables, texts = map(dict, stored["rope-at-rest"])
+    if name in variables:
+        values, words = variables[name]
+        variables[name] = np.append(np.ravel(values)[:-1], value).reshape(values.shape), words
+    for text in ("problem", "certificate"):
+        texts[text] = re.sub(rf'("{name}": )[^,}}]+', rf"\g<1>{value}", texts[text])
+    path = write(tmp_path / "x.nc", variables, texts)
+    with pytest.raises(InputError, match=rf"reference: .*x\.nc.*({name}|right-hand side).*Fix: "):
         load_reference(path)
 
 
@@ -320,54 +318,13 @@ def test_damaged_trajectories(seed, suffix, runs, tmp_path):
 
 # TOML.
 
+DOCS = Path(__file__).parents[1] / "docs"
+RANDOM = "[random]\ncount = 2\nseeds = [0, 1]\nstiffness = { uniform = [1.0, 2.0] }\n"
 SPECS = {
-    "sweep.toml": """\
-problem = "linear-chain"
-frames = 3
-steppers = ["rk4", "leapfrog:form=kick-drift-kick"]
-steps_per_frame = [4, 8, 16]
-order_factors = []
-accuracy = 1e-6
-[parameters]
-stiffness = 2.0
-[grid]
-num_masses = [4, 8]
-[random]
-count = 2
-seeds = [0, 1]
-stiffness = { uniform = [1.0, 2.0] }
-""",
-    "rope.toml": """\
-frames = 2
-steppers = ["rk4"]
-rope = { num_nodes = 4, gravity = [0.0, -1.0], pinned = [0] }
-[grid]
-damping = [0.0, 0.1]
-""",
-    "own.toml": """\
-name = "own"
-order = 2
-A = [[], ["1/2"]]
-b = [0, 1.0]
-c = [0.0, "1/2"]
-""",
-    "rubric.toml": """\
-[[item]]
-name = "runs"
-points = 2
-[[item]]
-name = "order"
-points = 4.5
-checks = ["order-*", "pins"]
-partial = true
-""",
+    "sweep.toml": commented_sweep() + RANDOM,
+    "own.toml": (DOCS / "examples/heun3.toml").read_text(),
+    "rubric.toml": (DOCS / "teach/verlet/rubric.toml").read_text(),
 }
-TOML = [
-    "true", "-1", "0", "1e308", "nan", "inf", "9" * 30, "9" * 5000, "0x" + "f" * 4000, "1_000_000",
-    '""', '"x"', '"1/0"', '"1e-999999999"', '"' + "x" * 9000 + '"', "[]", "{}", "[" * 3000,
-    "[" * 15 + "]" * 15, "{a=" * 500, "{a=" * 12 + "1" + "}" * 12, "1979-05-27", "[1, [2]]",
-    "[" + "1, " * 3000 + "]", '"""' + "y" * 9000, "'", '"\\u0000"', "{self = 1, cls = 2}",
-]  # fmt: skip
 LINES = [
     "a" + ".a" * 20000 + " = 1", '"="' + '."="' * 9000 + " = 1", "[" + "a.a." * 5000 + "a]",
     "\n".join(f"k{i} = 1" for i in range(5000)), "\n".join("[[item]]" for _ in range(5000)),
@@ -380,9 +337,9 @@ LINES = [
 @pytest.mark.parametrize("seed", SEEDS)
 def test_damaged_toml(seed, name, run, tmp_path):
     draw = random.Random(seed)
-    path = tmp_path / name
+    path, text = tmp_path / name, re.sub(r"^(#.*)?\n", "", SPECS[name], flags=re.M).encode()
     for _ in range(EACH):
-        path.write_bytes(other_text(SPECS[name].encode(), TOML, LINES, draw))
+        path.write_bytes(other_text(text, WORDS, LINES, draw))
         if name == "rubric.toml":
             done = run("check", ".", "--rubric", name)
             assert done.returncode == 2
