@@ -34,7 +34,7 @@ def examples() -> dict[str, doctest.DocTest]:
         for each in bases:
             if each.__module__.startswith("ropeode."):
                 tests = finder.find(each, each.__name__, module=False, globs={})
-                found |= {test.name: test for test in tests}
+                found |= {test.name: test for test in tests if test.examples}
     return found
 
 
