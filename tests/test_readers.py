@@ -230,7 +230,8 @@ def test_a_whole_file_that_claims_what_cannot_be(name, value, stored, tmp_path):
     for text in ("problem", "certificate"):
         texts[text] = re.sub(rf'("{name}": )[^,}}]+', rf"\g<1>{value}", texts[text])
     path = write(tmp_path / "x.nc", variables, texts)
-    with pytest.raises(InputError, match=rf"({name}|right-hand side).*Fix: "):
+    words = rf"({name}|right-hand side)" if name in variables else rf"reference: .*x\.nc.*{name}"
+    with pytest.raises(InputError, match=rf"{words}.*Fix: "):
         load_reference(path)
 
 
