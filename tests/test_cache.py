@@ -3,13 +3,8 @@
 from __future__ import annotations
 
 import copy
-import csv
 import dataclasses
 import hashlib
-import io
-import os
-import subprocess
-import sys
 
 import jax
 import jax.numpy as jnp
@@ -21,35 +16,37 @@ from ropeode.analysis import in_other_units
 from ropeode.cache import Source, described
 from ropeode.problems import InextensibleRope, Problem, Rope
 from ropeode.simulation import simulate
-from ropeode.steppers import STEPPERS, RungeKutta4, StormerVerlet, as_stepper
-from tests.time_limit import HANGS_AFTER_S
+from ropeode.steppers import RungeKutta4, StormerVerlet, as_stepper
 
 POINT, ARRAY = np.array([0.1, 0.7]), np.array([1.0, 2.0])
 ROPE, INEXTENSIBLE = (kind(num_nodes=4).problem(frames=3) for kind in (Rope, InextensibleRope))
 
 
-KEPT = b"kept"
+class Program:
+    """A program, and when it was compiled: the first time, the second."""
+
+    def __init__(self, function=lambda y: {"a": jnp.sin(y["x"]), "b": jnp.sum(y["x"])}):
+        self.times, self.function = 0, function
+
+    def source(self):
+        self.times += 1
+        inputs = ({"x": jax.ShapeDtypeStruct(POINT.shape, POINT.dtype)},)
+        return Source(self.function, inputs, {"time": self.times})
+
+    def run(self, description="one"):
+        """The bytes of its results, and when what was run had been compiled."""
+        with jax.enable_x64(True):
+            made, facts = cache.program(description, self.source)
+            return [np.asarray(each).tobytes() for each in made({"x": POINT})], facts["time"]
+
+    def compiled(self, *descriptions):
+        """When what each of these runs had been compiled."""
+        return [self.run(each)[1] for each in descriptions]
 
 
-class Making:
-    """Makes numbers in turn, which are kept, unless they are 0."""
-
-    def __init__(self, number=1):
-        self.number = number - 1
-
-    def __call__(self, description="one", kind="number"):
-        return cache.kept(kind, description, self.make, self.dump, self.load)
-
-    def make(self):
-        self.number += 1
-        return self.number
-
-    def dump(self, number):
-        return KEPT + str(number).encode() if number else None
-
-    def load(self, contents):
-        assert contents.startswith(KEPT)
-        return int(contents.removeprefix(KEPT))
+@pytest.fixture
+def folder(cache_folder):
+    return cache_folder / "programs"
 
 
 @pytest.fixture
@@ -65,12 +62,21 @@ def other_software(monkeypatch):
     cache.software.cache_clear()
 
 
-def test_what_is_kept_is_not_made_again_and_what_differs_is(cache_folder):
-    made = Making()
-    assert [made(), made(), Making(7)()] == [1, 1, 1]
-    assert [made("two"), made("one", "figure"), made("two")] == [2, 3, 2]
-    (path,) = cache_folder.rglob("*.figure")
-    assert path.parent == cache_folder / "figures"
+def test_what_is_kept_is_what_was_compiled_and_what_differs_is_not_shared(
+    folder, same_jax_settings
+):
+    program = Program()
+    first = program.run("one")
+    assert [len(each) for each in first[0]] == [16, 8]
+    assert program.run("one") == Program().run("one") == first
+    assert program.compiled("two", "one", "two") == [2, 1, 2]
+    assert len([*folder.iterdir()]) == 2
+    # With other settings of JAX.
+    jax.config.update("jax_default_matmul_precision", "float32")
+    try:
+        assert program.compiled("one") == [3]
+    finally:
+        jax.config.update("jax_default_matmul_precision", None)
 
 
 # What may be other software: the names of functions, here with a text in their place, of which a
@@ -82,108 +88,52 @@ def test_what_is_kept_is_not_made_again_and_what_differs_is(cache_folder):
         *("XLA_FLAGS", "JAX_DEFAULT_MATMUL_PRECISION", "EQX_ON_ERROR"),
     ],
 )
-def test_other_software_makes_it_again(name, cache_folder, other_software, monkeypatch):
-    made = Making()
-    made()
+def test_other_software_compiles_it_again(name, folder, other_software, monkeypatch):
+    program = Program()
+    assert program.compiled("one") == [1]
     if name.isupper():
         monkeypatch.setenv(name, "--another")
         cache.software.cache_clear()
     else:
         other_software(name, lambda *_: "another")
-    assert [made(), made()] == [2, 2]
+    assert program.compiled("one", "one") == [2, 2]
 
 
-def test_nothing_is_kept_of_sources_that_changed(cache_folder, other_software):
-    """Since they were imported, be it while it was made."""
-    made = Making()
-    made("ahead")
+def test_nothing_is_kept_of_sources_that_changed(folder, other_software):
+    """Since they were imported, be it while it was compiled."""
+    program = Program()
+    assert program.compiled("ahead") == [1]
     other_software("_IMPORTED", 0.0)
-    assert [made(), made(), made("ahead")] == [2, 3, 4]
-    assert len([*cache_folder.rglob("*.number")]) == 1
-
-
-@pytest.mark.parametrize("folder", ["a folder", "none", "no folder"])
-def test_what_is_not_kept_is_made_each_time(folder, cache_folder, monkeypatch):
-    """Without a description, where it is not to be kept, and where there is no folder."""
-    made = Making(0)
-    if folder == "a folder":
-        assert [made(), made(), made(None), made(None)] == [0, 1, 2, 3]
-        assert made() == 1
-        return
-    if folder == "none":
-        monkeypatch.setattr("ropeode.cache._folder", None)
-    cache_folder.write_text("no folder")
-    assert [made("one"), made("two"), made("one")] == [0, 1, 2]
-    assert cache_folder.read_text() == "no folder"
-
-
-def test_a_damaged_file_is_written_again(cache_folder):
-    made = Making()
-    made()
-    (path,) = cache_folder.rglob("*.number")
-    whole = path.read_bytes()
-    # The last one is whole, but cannot be read.
-    made.dump = lambda number: KEPT[1:]
-    other = Making()
-    path.unlink()
-    made()
-    unreadable = path.read_bytes()
-    damages = (b"", whole[:-1], whole.replace(b"\n", b"0\n", 1), whole[:-1] + b"9", unreadable)
-    for count, damage in enumerate(damages, 1):
-        path.write_bytes(damage)
-        assert [other(), other()] == [count, count]
-
-
-@pytest.fixture
-def folder(cache_folder):
-    return cache_folder / "programs"
-
-
-class Sources:
-    """A source, and how often it was asked for."""
-
-    def __init__(self, function=lambda y: {"a": jnp.sin(y["x"]), "b": jnp.sum(y["x"])}):
-        self.calls, self.function = 0, function
-
-    def __call__(self):
-        self.calls += 1
-        inputs = ({"x": jax.ShapeDtypeStruct(POINT.shape, POINT.dtype)},)
-        return Source(self.function, inputs, {"number": self.calls})
-
-
-def results_of(description, sources):
-    with jax.enable_x64(True):
-        made, facts = cache.program(description, sources)
-        return [np.asarray(each).tobytes() for each in made({"x": POINT})], facts
-
-
-def test_a_kept_program_is_the_one_that_was_compiled(folder, same_jax_settings):
-    """With these settings of JAX."""
-    sources = Sources()
-    first = results_of("one", sources)
-    assert [len(each) for each in first[0]] == [16, 8]
-    assert results_of("one", sources) == first
-    assert sources.calls == 1
-    assert results_of(None, sources)[0] == first[0]
+    assert program.compiled("one", "one", "ahead") == [2, 3, 4]
     assert len([*folder.iterdir()]) == 1
-    jax.config.update("jax_default_matmul_precision", "float32")
-    try:
-        results_of("one", sources)
-    finally:
-        jax.config.update("jax_default_matmul_precision", None)
-    assert sources.calls == 3
 
 
-def test_a_program_that_xla_or_json_refuse_is_compiled_again(folder):
-    sources = Sources()
-    first, _ = results_of("one", sources)
+@pytest.mark.parametrize("there", ["a folder", "none", "no folder"])
+def test_what_is_not_kept_is_compiled_each_time(there, cache_folder, monkeypatch):
+    """Without a description, where nothing is to be kept, and where there is no folder."""
+    if there == "none":
+        monkeypatch.setattr("ropeode.cache._folder", None)
+    elif there == "no folder":
+        cache_folder.write_text(there)
+    description = None if there == "a folder" else "one"
+    assert Program().compiled(description, description) == [1, 2]
+    assert not cache_folder.exists() or cache_folder.read_text() == "no folder"
+
+
+def test_a_damaged_program_is_compiled_again(folder):
+    program = Program()
+    results, _ = program.run()
     (path,) = folder.iterdir()
-    _, contents = path.read_bytes().split(b"\n", 1)
-    for count, no_program in enumerate((b"", b"{}\n", contents[: len(contents) // 2]), 2):
+    whole = path.read_bytes()
+    contents = whole.partition(b"\n")[2]
+    damages = [b"", whole[:-1], whole.replace(b"\n", b"0\n", 1), whole[:-1] + b"9"]
+    # Whole files, which JSON or XLA refuse.
+    for no_program in (b"", b"{}\n", contents[: len(contents) // 2]):
         digest = hashlib.sha256(no_program).hexdigest().encode()
-        path.write_bytes(digest + b"\n" + no_program)
-        assert results_of("one", sources) == (first, {"number": count})
-    assert results_of("one", sources) == (first, {"number": count})
+        damages.append(digest + b"\n" + no_program)
+    for time, damage in enumerate(damages, 2):
+        path.write_bytes(damage)
+        assert program.run() == program.run() == (results, time)
 
 
 # `float` is what JAX cannot trace.
@@ -200,53 +150,10 @@ PYTHON = Problem.from_scipy(lambda t, y: [-float(y[0]), 0.0], (0.0, 1.0), POINT)
 )
 def test_what_calls_python_or_lapack_is_not_kept(folder, calls_out):
     """Nobody makes LAPACK ready in a process that does not lower the program."""
-    sources = Sources(lambda y: calls_out(y["x"]))
-    first = results_of("one", sources)
-    assert results_of("one", sources) == (first[0], {"number": 2})
+    program = Program(lambda y: calls_out(y["x"]))
+    results, _ = program.run()
+    assert program.run() == (results, 2)
     assert not folder.exists()
-
-
-STIFF = """
-import jax.numpy as jnp
-from ropeode import Problem
-def rhs(t, y, args):
-    slow, back, fast = 0.04 * y[0], 1e4 * y[1] * y[2], 3e7 * y[1] ** 2
-    return jnp.stack([back - slow, slow - back - fast, fast])
-problem = Problem(rhs, [1.0, 0.0, 0.0], [0.0, 1.0, 1e5])
-"""
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "words",
-    [
-        # Which errors are predicted is a matter of time.
-        f"table --no-predict --steps 8,16,32 --format csv --steppers {','.join(STEPPERS)}",
-        "table --problem hires --no-predict --steps 8,16 --format csv --steppers rk4,gauss4,bdf2",
-        "reference compute --problem stiff.py:problem --out a.nc",
-    ],
-)
-def test_a_command_says_the_same_three_times_with_one_cache(words, tmp_path):
-    """In three processes."""
-    (tmp_path / "stiff.py").write_text(STIFF)
-    said = set()
-    for _ in range(3):
-        done = subprocess.run(
-            [sys.executable, "-m", "ropeode", *words.split()],
-            capture_output=True,
-            text=True,
-            timeout=HANGS_AFTER_S,
-            cwd=tmp_path,
-            env={**os.environ, "XDG_CACHE_HOME": str(tmp_path)},
-        )
-        assert done.returncode == 0, done.stderr
-        said.add(without_times(done.stdout) if "csv" in words else done.stdout)
-    assert len(said) == 1
-
-
-def without_times(table):
-    rows = [*csv.DictReader(io.StringIO(table))]
-    return repr([{name: row[name] for name in row if "seconds" not in name} for row in rows])
 
 
 class Derived(RungeKutta4):
@@ -259,18 +166,16 @@ def decay(t, y, args):
 
 def test_which_runs_share_a_program(monkeypatch):
     """Those of the library alone, and no others than in one process."""
-    found = []
-
-    def recorded(description, source):
-        found.append(description)
-        raise NotImplementedError
 
     def description_of(problem, stepper="rk4"):
-        with pytest.raises(NotImplementedError):
+        found = []
+        monkeypatch.setattr(
+            "ropeode.cache.program", lambda description, _: found.append(description)
+        )
+        with pytest.raises(TypeError):
             simulate(problem, stepper, 16)
         return found.pop()
 
-    monkeypatch.setattr("ropeode.cache.program", recorded)
     # Of a size, and a decay of a rate, that no other test has: this process has compiled no
     # program of either.
     small = Rope(num_nodes=19)
@@ -305,24 +210,17 @@ def test_which_runs_share_a_program(monkeypatch):
         (ARRAY, ARRAY[:, None]),
         (StormerVerlet(), StormerVerlet(start="rest")),
         (ROPE.rhs, INEXTENSIBLE.rhs),
+        # Every number of a problem counts.
+        (ROPE, ROPE.changed(y0=np.nextafter(ROPE.y0, 1e9))),
+        (ROPE, ROPE.changed(ts=ROPE.ts * 2.0)),
+        (ROPE, ROPE.changed(args=ROPE.args._replace(gravity=ROPE.args.gravity * 2.0))),
+        (ROPE, ROPE.changed(jump_times=(0.5,))),
+        (ROPE, ROPE.changed(name="another")),
+        (ROPE, ROPE.changed(mechanics=dataclasses.replace(ROPE.mechanics, in_turn=False))),
     ],
 )
 def test_one_description_for_one_value_and_another_for_another(one, other):
     assert described(one) == described(copy.deepcopy(one)) != described(other)
-
-
-def test_every_number_of_a_problem_counts(small_rope):
-    changes = [
-        {"y0": np.nextafter(small_rope.y0, 1e9)},
-        {"ts": small_rope.ts * 2.0},
-        {"args": small_rope.args._replace(gravity=small_rope.args.gravity * 2.0)},
-        {"jump_times": (0.5,)},
-        {"name": "another"},
-        {"mechanics": dataclasses.replace(small_rope.mechanics, in_turn=False)},
-    ]
-    found = {described(small_rope.changed(**change)) for change in changes}
-    assert len(found | {described(small_rope)}) == 7
-    assert described(small_rope) == described(Rope(num_nodes=4).problem(frames=3))
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 
 import yaml
@@ -22,7 +23,8 @@ def test_it_is_a_citation_file_and_says_what_the_package_says():
     assert all(citation[key] for key in ("message", "title", "abstract"))
     # An author with the one key `name` is an entity, not a person.
     assert citation["authors"] == [{"name": "The ropeode developers"}]
-    assert citation["version"] == ropeode.__version__
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert citation["version"] == project["version"] == ropeode.__version__
     assert citation["license"] == "MIT"
     assert (ROOT / "LICENSE").read_text().startswith("MIT License")
     assert "creativecommons.org/licenses/by/4.0" in (ROOT / "docs/LICENSE").read_text()

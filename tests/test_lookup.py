@@ -41,13 +41,6 @@ def test_pages_have_what_the_package_says(lookup):
             assert part in text_of(page), again
 
 
-@pytest.mark.parametrize(("page", "names"), [("steppers", STEPPERS), ("problems", PROBLEMS)])
-def test_every_name_has_a_section_with_a_source(page, names):
-    for name in names:
-        section = text_of(page).partition(f"\n### {name}\n")[2].partition("\n### ")[0]
-        assert re.search(r"^Source: \S", section, re.MULTILINE), name
-
-
 def test_every_value_of_a_schema_is_described():
     described = text_of("schemas")
     for file in (ROOT / "docs/schemas").iterdir():
@@ -97,7 +90,9 @@ def sources() -> dict[str, str]:
     """What steppers, problems, recipes and functions give as their sources."""
     found = {name: each.source for name, each in STEPPERS.items()}
     for name, documented in {**STEPPERS, **PROBLEMS}.items():
-        found[f"{name}, described"] = inspect.getdoc(documented).partition("Source: ")[2]
+        found[f"{name}, described"] = inspect.getdoc(documented).partition("\nSource: ")[2]
+        # Ropes refer to no book.
+        assert found[f"{name}, described"] or name.endswith("rope"), name
     for recipe in ROOT.glob("reference/*.toml"):
         published = tomllib.loads(recipe.read_text()).get("published")
         found[recipe.name] = published["source"] if published else ""
@@ -146,6 +141,3 @@ def test_every_picture_is_in_the_gallery():
     drawing = [name for name in ropeode.__all__ if name.startswith("plot_") or name == "animate"]
     assert len(drawing) >= 7
     assert [name for name in drawing if f"{name}(" not in code] == []
-    # One picture for each figure that is made.
-    shown = re.findall(r"\]\(\.\./images/gallery-", text)
-    assert len(shown) == len(re.findall(r"^(?:figure|film) = ", code, re.M))

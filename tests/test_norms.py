@@ -21,12 +21,6 @@ def fitting(problem):
     return [norm for norm in NORMS.values() if norm.quantity in problem.quantities]
 
 
-def test_every_norm_fits_a_problem():
-    assert {*fitting(ROPE), *fitting(DECAY)} == set(NORMS.values())
-    for quantity in ("position", "velocity", "state"):
-        assert f"{quantity}-max" in NORMS
-
-
 @given(a=STATES, b=STATES)
 def test_no_norm_exceeds_the_largest_node(a, b):
     """And each is symmetric, and zero for equal states."""

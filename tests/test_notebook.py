@@ -6,7 +6,6 @@ import os
 import re
 import sys
 from pathlib import Path
-from typing import NamedTuple
 
 import nbformat
 import pytest
@@ -23,13 +22,6 @@ MOST_SECONDS = 300
 SOON = "import ropeode.bars; ropeode.bars.AFTER_S = 0.05"
 
 
-class Executed(NamedTuple):
-    """What each cell shows in the end, by its last line, and every bar that was drawn."""
-
-    outputs: dict[str, list]
-    bars: list[str]
-
-
 class Client(NotebookClient):
     """One that keeps bars, which are not there any more in the end."""
 
@@ -42,7 +34,8 @@ class Client(NotebookClient):
 
 
 @pytest.fixture(scope="module")
-def executed(tmp_path_factory):
+def client(tmp_path_factory):
+    """The notebook, executed."""
     notebook = nbformat.read(NOTEBOOK, as_version=4)
     notebook.cells.insert(0, nbformat.v4.new_code_cell(SOON))
     # The kernel is this interpreter, whatever is registered on the machine.
@@ -50,68 +43,59 @@ def executed(tmp_path_factory):
     where = {"metadata": {"path": str(tmp_path_factory.mktemp("notebook"))}}
     client = Client(notebook, timeout=MOST_SECONDS, kernel_name="python3", resources=where)
     client.execute(env=environment)
-    cells = [cell for cell in notebook.cells[1:] if cell.cell_type == "code"]
-    outputs = {cell.source.splitlines()[-1]: cell.outputs for cell in cells}
-    assert len(outputs) == len(cells)
-    return Executed(outputs, list(client.bars))
+    return client
 
 
-@pytest.fixture
-def results(executed):
-    """The value of each cell, without its bars."""
-    values = {
-        last: [each for each in outputs if each.output_type != "display_data"]
-        for last, outputs in executed.outputs.items()
-    }
-    assert all(len(each) == 1 for each in values.values())
-    return {last: each[0] for last, each in values.items() if each[0].output_type != "error"}
+def outputs(client, *kinds):
+    """Each output of these types, and the last line of its cell."""
+    return [
+        (cell.source.splitlines()[-1], output)
+        for cell in client.nb.cells[1:]
+        if cell.cell_type == "code"
+        for output in cell.outputs
+        if output.output_type in kinds
+    ]
 
 
 @pytest.mark.slow
-def test_every_result_shows_itself(results):
-    """One of every type; which a new one cannot forget."""
-    shown = set()
-    for last, output in results.items():
-        line = output.data["text/plain"]
+def test_every_result_shows_itself(client):
+    """One of every type, which a new one cannot forget; and every plot is a picture."""
+    shown, plots = set(), set()
+    for last, output in outputs(client, "execute_result"):
         if last.startswith("plot_"):
             assert "image/png" in output.data, last
+            plots.add(last.split("(")[0])
             continue
+        line = output.data["text/plain"]
         assert len(line) <= 300, last
         shown.add(re.match(r"<(\w+): ", line)[1])
-        assert output.data["text/html"].strip(), last
+        page = output.data["text/html"]
+        assert page.strip(), last
+        if last == "animate(paths)":
+            assert page.startswith('<img alt="film" src="data:image/gif;base64,')
+        if last == "table":
+            assert page.count("<table") == 2
+    assert plots == {name for name in ropeode.__all__ if name.startswith("plot_")}
     # Classes exist once they are imported.
     assert all(getattr(ropeode, name) for name in ropeode.__all__)
     assert shown == {each.__name__ for each in kinds()} | {"Film"}
 
 
 @pytest.mark.slow
-def test_every_plot_is_a_picture_and_a_film_moves(results):
-    plots = {last.split("(")[0] for last, shown in results.items() if "image/png" in shown.data}
-    assert plots == {name for name in ropeode.__all__ if name.startswith("plot_")}
-    film = results["animate(paths)"].data["text/html"]
-    assert film.startswith('<img alt="film" src="data:image/gif;base64,')
-    assert results["table"].data["text/html"].count("<table") == 2
-
-
-@pytest.mark.slow
-def test_bars_come_and_go(executed):
-    drawn = [page for page in executed.bars if page]
+def test_bars_come_and_go(client):
+    drawn = [page for page in client.bars if page]
     assert len(drawn) > 10
     assert all(page.startswith("<progress ") for page in drawn)
     # The reference is the first work that takes long.
-    assert "reference: diffrax" in drawn[0] or "reference: diffrax" in drawn[1]
-    left = [
-        output.data
-        for outputs in executed.outputs.values()
-        for output in outputs
-        if output.output_type == "display_data"
-    ]
+    assert any("reference: diffrax" in page for page in drawn[:2])
+    left = [output.data for _, output in outputs(client, "display_data")]
     assert left
     assert all(data == {"text/plain": "", "text/html": ""} for data in left)
 
 
 @pytest.mark.slow
-def test_wrong_input_is_one_sentence(executed):
-    (output,) = executed.outputs["Rope(num_nodes=-1)"]
+def test_wrong_input_is_one_sentence(client):
+    ((last, output),) = outputs(client, "error")
+    assert last == "Rope(num_nodes=-1)"
     (line,) = output.traceback
     assert line.startswith("InputError: num_nodes: -1 given; ")

@@ -6,7 +6,6 @@ import inspect
 import io
 import sys
 import threading
-import time
 from types import SimpleNamespace
 
 import pytest
@@ -16,6 +15,7 @@ from ropeode import bars, simulate
 from ropeode.errors import InputError
 from ropeode.progress import bar, shows_progress, silent
 from ropeode.terminal import show_progress
+from tests.time_limit import until
 
 LONG_S = 5.0
 LOOK_S = 0.01
@@ -26,24 +26,19 @@ class Notebook:
 
     def __init__(self) -> None:
         self.outputs: list[list[dict[str, str]]] = []
-        self.seen = threading.Semaphore(0)
 
     def display(self, bundle, *, raw, display_id):
-        output: list[dict[str, str]] = []
-        self.outputs.append(output)
+        self.outputs.append(output := [bundle])
+        return SimpleNamespace(update=lambda bundle, raw: output.append(bundle))
 
-        def update(bundle, *, raw):
-            output.append(bundle)
-            self.seen.release()
-
-        update(bundle, raw=raw)
-        return SimpleNamespace(update=update)
+    def count(self) -> int:
+        return sum(map(len, self.outputs))
 
     def wait(self) -> None:
-        """Until it is sent more than that the work begins."""
-        assert self.seen.acquire(timeout=LONG_S)
-        while "starting" in self.outputs[-1][-1]["text/plain"]:
-            assert self.seen.acquire(timeout=LONG_S)
+        """Until it is sent what the work says now; one thing may be on its way already."""
+        enough = self.count() + 2
+        until(lambda: self.count() >= enough)
+        assert "starting" not in self.outputs[-1][-1]["text/plain"]
 
 
 EMPTY = {"text/plain": "", "text/html": ""}
@@ -155,10 +150,7 @@ def test_a_terminal_shows_a_bar(monkeypatch):
     monkeypatch.setattr(bars, "EVERY_S", LOOK_S)
 
     def drawn(words):
-        end = time.monotonic() + LONG_S
-        while words not in screen.getvalue() and time.monotonic() < end:
-            time.sleep(LOOK_S)
-        assert words in screen.getvalue()
+        until(lambda: words in screen.getvalue())
 
     work(lambda: drawn("a < b"))
     assert "25%" in screen.getvalue()

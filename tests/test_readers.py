@@ -5,8 +5,6 @@ Each mutation is drawn with a seed. The fast tests try a few of them, the slow o
 
 from __future__ import annotations
 
-import copy
-import functools
 import hashlib
 import json
 import os
@@ -15,6 +13,7 @@ import re
 import resource
 import time
 import warnings
+from pathlib import Path
 
 import h5netcdf
 import h5py
@@ -29,20 +28,15 @@ from ropeode import (
     load_reference,
     read_sweep,
     save_reference,
-    simulate,
 )
 from ropeode.errors import InputError, InputWarning, UserCodeError
+from ropeode.sweep import commented_sweep
+from tests.checking.trajectory_writing import write_runs
 
 SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 16))]
 EACH = 12
 # Of one file: more than the largest problem that such a file may describe on purpose.
 MOST_SECONDS, MOST_KILOBYTES, MOST_LINES, LONGEST = 30.0, 600_000, 11, 2000
-
-ODD = [
-    None, True, False, -1, 0, 0.5, -1e300, 1e308, 10**9, 10**12, 10**30, float("nan"), float("inf"),
-    "", "x", "x" * 100_000, "rope", "extended", [], {}, [[]], [1, "a"], {"kind": []},
-    {"self": 1, "cls": 1},
-]  # fmt: skip
 
 
 def complaint_or_value(read):
@@ -102,67 +96,79 @@ def sealed(path):
     return path
 
 
-def places(value, path=()):
-    """The paths to all values in a JSON value."""
-    yield path
-    if isinstance(value, (dict, list)):
-        for key in value if isinstance(value, dict) else range(len(value)):
-            yield from places(value[key], (*path, key))
+def other_bytes(whole, draw):
+    """A file with some other bytes, or without its end."""
+    if draw.random() < 0.1:
+        return whole[: draw.randrange(len(whole))]
+    changed = bytearray(whole)
+    for _ in range(draw.choice([1, 1, 4, 32])):
+        place = draw.randrange(len(changed))
+        changed[place] = draw.choice([changed[place] ^ (1 << draw.randrange(8)), 0, 255])
+    return bytes(changed)
 
 
-def with_value(value, path, new):
-    """A copy of a JSON value with a value at a path."""
-    value = copy.deepcopy(value)
-    *path, last = path
-    functools.reduce(lambda inside, key: inside[key], path, value)[last] = new
-    return value
-
-
-def changed_json(value, draw):
-    """A JSON text in which one value is another, is missing, or is too much."""
-    *path, last = draw.choice([path for path in places(value) if path])
-    how = draw.randrange(4) if isinstance(last, str) else 3
+def other_text(whole, words, lines, draw):
+    """A text in which some lines or a word are others, are missing, or come again."""
+    there = whole.decode().split("\n")
+    at, how = draw.randrange(len(there)), draw.randrange(7)
     if how == 0:
-        changed = with_value(value, (*path, last), draw.choice(ODD))
-        del functools.reduce(lambda inside, key: inside[key], path, changed)[last]
-        return json.dumps(changed)
-    return json.dumps(with_value(value, (*path, "more" if how == 1 else last), draw.choice(ODD)))
+        there.insert(at, draw.choice(lines))
+    elif how == 1:
+        del there[at : at + draw.choice([1, 1, 8, 200])]
+    elif how == 2:
+        there.insert(at, draw.choice(there))
+    elif how == 3:
+        return other_bytes(whole, draw)
+    else:
+        parts = re.split(r"([,=:])", there[at])
+        parts[2 * draw.randrange((len(parts) + 1) // 2)] = draw.choice(words)
+        there[at] = "".join(parts)
+    return "\n".join(there).encode("utf-8", "surrogatepass")
 
 
-def changed_array(values, draw):
-    values = np.array(values)
-    if values.size == 0 or values.ndim == 0:
-        return values
-    odd = draw.choice([np.nan, np.inf, -np.inf, -1.0, 0.0, 1e308])
-    one = values.copy()
-    one.flat[draw.randrange(values.size)] = odd if values.dtype.kind == "f" else 7
+def other_array(values, draw):
+    """An array with another number, shape or type."""
+    values = np.array(values, ndmin=1)
+    one, numbers = values.copy(), values.dtype.kind == "f"
+    odd = [np.nan, np.inf, -np.inf, -1.0, 0.0, 1e-308, 1e308] if numbers else [7]
+    one.flat[draw.randrange(values.size)] = draw.choice(odd)
     others = [
         values.ravel(),
         np.moveaxis(values, 0, -1).copy(),
         values[: draw.randrange(len(values))],
         np.concatenate([values, values]),
         (values > 0).astype(np.int8),
-        np.full_like(values, np.nan if values.dtype.kind == "f" else 1),
+        np.full_like(values, odd[0]),
+        np.array([b"a"]),
+        np.zeros((2,) * 10, np.int8),
     ]
-    return draw.choice([one, one, *others])
+    return draw.choice([one, one, one, *others])
 
 
-def changed_reference(variables, texts, draw):
+# Values for texts of TOML and of JSON.
+WORDS = [
+    "null", "NaN", "1e999", "\x01", '"rope"', '"extended"', '{"kind": []}', '{"self": 1, "cls": 1}',
+    "true", "-1", "0", "1e308", "nan", "inf", "9" * 30, "9" * 5000, "0x" + "f" * 4000, "1_000_000",
+    '""', '"x"', '"1/0"', '"1e-999999999"', '"' + "x" * 9000 + '"', "[]", "{}", "[" * 3000,
+    "[" * 15 + "]" * 15, "{a=" * 500, "{a=" * 12 + "1" + "}" * 12, "1979-05-27", "[1, [2]]",
+    "[" + "1, " * 3000 + "]", '"""' + "y" * 9000, "'", '"\\u0000"', "{self = 1, cls = 2}",
+]  # fmt: skip
+
+
+def other_reference(variables, texts, draw):
     variables, texts = dict(variables), dict(texts)
-    how, name = draw.randrange(10), draw.choice([*variables])
-    text = draw.choice(["problem", "certificate"])
-    if how < 4:
-        texts[text] = changed_json(json.loads(texts[text]), draw)
-    elif how == 4:
-        at = draw.randrange(len(texts[text]))
-        texts[text] = texts[text][:at] + draw.choice(["", "[" * 5000, "9" * 5000, "\x01", '"'])
-    elif how == 5:
-        del texts[draw.choice([*texts])]
-    elif how == 6:
-        del variables[name]
+    part = draw.choice([variables, texts, texts])
+    if draw.random() < 0.2:
+        del part[draw.choice([*part])]
+    elif part is texts:
+        name = draw.choice(["problem", "certificate"])
+        lines = json.dumps(json.loads(texts[name]), indent=0).encode()
+        changed = other_text(lines, WORDS, [f'"more": {each},' for each in WORDS], draw)
+        texts[name] = changed.decode(errors="replace").replace("\0", "")
     else:
+        name = draw.choice([*variables])
         values, words = variables[name]
-        variables[name] = changed_array(values, draw), words
+        variables[name] = other_array(values, draw), words
     return variables, texts
 
 
@@ -191,7 +197,7 @@ def test_references_with_the_wrong_contents(seed, stored, tmp_path):
     draw = random.Random(seed)
     for i in range(EACH):
         variables, texts = stored[STORED[i % len(STORED)]]
-        path = write(tmp_path / "x.nc", *changed_reference(variables, texts, draw))
+        path = write(tmp_path / "x.nc", *other_reference(variables, texts, draw))
         found = complaint_or_value(lambda path=path: load_reference(path))
         if found is not None:
             use(found)
@@ -206,30 +212,26 @@ def test_a_reference_written_again_is_the_same(stored, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "place", "value"),
+    ("name", "value"),
     [
-        ("problem", ("parameters", "frames"), 10**9),
-        ("problem", ("samples",), -2),
-        ("certificate", ("trusted",), 10**12),
-        ("certificate", ("level",), "proved"),
+        ("frames", "1000000000"),
+        ("samples", "-2"),
+        ("trusted", "1000000000000"),
+        ("level", '"proved"'),
+        *((name, np.nan) for name in ("position", "velocity", "bound", "probe_rate", "time")),
     ],
 )
-def test_a_text_that_claims_too_much(text, place, value, stored, tmp_path):
-    variables, texts = stored["rope-at-rest"]
-    changed = json.dumps(with_value(json.loads(texts[text]), place, value))
-    path = write(tmp_path / "x.nc", variables, {**texts, text: changed})
-    with pytest.raises(InputError, match=rf"reference: .*x\.nc.*{place[-1]}.*Fix: "):
-        load_reference(path)
-
-
-@pytest.mark.parametrize("name", ["position", "velocity", "bound", "probe_rate", "time"])
-def test_numbers_that_are_none(name, stored, tmp_path):
-    variables, texts = stored["rope-at-rest"]
-    values, words = variables[name]
-    values = values.copy()
-    values[-1] = np.nan
-    path = write(tmp_path / "x.nc", {**variables, name: (values, words)}, texts)
-    with pytest.raises(InputError, match=f"{name}|right-hand side"):
+def test_a_whole_file_that_claims_what_cannot_be(name, value, stored, tmp_path):
+    """In one of its texts, or as the last number of an array."""
+    variables, texts = map(dict, stored["rope-at-rest"])
+    if name in variables:
+        values, words = variables[name]
+        variables[name] = np.append(np.ravel(values)[:-1], value).reshape(values.shape), words
+    for text in ("problem", "certificate"):
+        texts[text] = re.sub(rf'("{name}": )[^,}}]+', rf"\g<1>{value}", texts[text])
+    path = write(tmp_path / "x.nc", variables, texts)
+    words = rf"({name}|right-hand side)" if name in variables else rf"reference: .*x\.nc.*{name}"
+    with pytest.raises(InputError, match=rf"{words}.*Fix: "):
         load_reference(path)
 
 
@@ -249,56 +251,18 @@ def test_references_with_other_bytes(seed, stored, tmp_path):
             np.testing.assert_array_equal(found.states, known.states)
 
 
-def other_bytes(whole, draw):
-    """A file with some other bytes, or without its end."""
-    if draw.random() < 0.1:
-        return whole[: draw.randrange(len(whole))]
-    changed = bytearray(whole)
-    for _ in range(draw.choice([1, 1, 4, 32])):
-        place = draw.randrange(len(changed))
-        changed[place] = draw.choice([changed[place] ^ (1 << draw.randrange(8)), 0, 255])
-    return bytes(changed)
-
-
-def other_text(whole, words, lines, draw):
-    """A text in which some lines or a word are others, are missing, or come again."""
-    there = whole.decode().split("\n")
-    at, how = draw.randrange(len(there)), draw.randrange(7)
-    if how == 0:
-        there.insert(at, draw.choice(lines))
-    elif how == 1:
-        del there[at : at + draw.choice([1, 1, 8, 200])]
-    elif how == 2:
-        there.insert(at, draw.choice(there))
-    elif how == 3:
-        return other_bytes(whole, draw)
-    else:
-        parts = re.split(r"([,=])", there[at])
-        parts[2 * draw.randrange((len(parts) + 1) // 2)] = draw.choice(words)
-        there[at] = "".join(parts)
-    return "\n".join(there).encode("utf-8", "surrogatepass")
-
-
 # Trajectories.
+
+
+COLUMNS = {".csv": {"names": "x,vx"}, ".npz": {"dim": 1}, ".nc": {"dim": 1}}
 
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
     """Files of three runs in each format, and the reference of their problem."""
     known, folder = load("linear-chain"), tmp_path_factory.mktemp("runs")
-    for steps in (4, 8, 16):
-        run = simulate(known.problem, "rk4", steps)
-        arrays = {"t": run.times, "positions": run.positions, "velocities": run.velocities}
-        np.savez(folder / f"{steps}.npz", dt=run.dt, **arrays)
-        with h5py.File(folder / f"{steps}.nc", "w") as file:
-            file.attrs["dt"] = run.dt
-            for name, values in arrays.items():
-                file[name] = values
-        lines = [f"# dt = {run.dt!r}", "t,node,x,vx"]
-        for t, *both in zip(*arrays.values(), strict=True):
-            for node, (x, v) in enumerate(zip(*both, strict=True)):
-                lines.append(f"{float(t)!r},{node},{float(x[0])!r},{float(v[0])!r}")
-        (folder / f"{steps}.csv").write_text("\n".join(lines) + "\n")
+    for suffix, how in COLUMNS.items():
+        write_runs(folder, known.problem, "rk4", (4, 8, 16), suffix, **how)
     return folder, known
 
 
@@ -306,105 +270,62 @@ CSV = ["", "nan", "-inf", "1e999", "9" * 5000, "x" * 5000, ",", "\n", "\0", "#",
 DT = ["1e-308", "1e308", "-1", "0", "nan", "inf", "1e-400", "9" * 5000, "", "x"]
 
 
-def changed_arrays(path, draw):
-    """A file of arrays in which one is another, in either format."""
+# What a name in an HDF5 file may stand for.
+NO_ARRAY = [
+    lambda file, name: file.create_dataset(name, (2**20,) * 3, "f8", chunks=(64, 64, 64)),
+    lambda file, name: file.update({name: h5py.ExternalLink("/etc/hostname", "x")}),
+    lambda file, name: file.create_group(name),
+    lambda file, name: None,
+]
+
+
+def damage(path, draw):
+    """A file in which one array is another or is missing, or something of the file is."""
+    name = draw.choice(["dt", "t", "positions", "velocities"])
     if draw.random() < 0.3:
         path.write_bytes(other_bytes(path.read_bytes(), draw))
-        return
-    name = draw.choice(["dt", "t", "positions", "velocities"])
-    odd = [np.float64(x) for x in ("1e-308", "1e308", "-1", "0", "nan", "inf")]
-    odd += [np.array(["a"]), np.zeros((0, 3)), np.complex128(1), np.zeros((2,) * 10, np.int8)]
-    if path.suffix == ".npz":
+    elif path.suffix == ".csv":
+        lines = [f"# dt = {dt}" for dt in DT]
+        path.write_bytes(other_text(path.read_bytes(), CSV, lines, draw))
+    elif path.suffix == ".npz":
         with np.load(path) as file:
             arrays = dict(file)
-        arrays[name] = draw.choice([changed_array(arrays[name], draw), draw.choice(odd)])
-        if draw.random() < 0.2:
-            del arrays[name]
+        changed = other_array(arrays.pop(name), draw)
+        if draw.random() < 0.8:
+            arrays[name] = draw.choice([changed, changed, changed, np.complex128(1)])
         np.savez(path, **arrays)
-        return
-    with h5py.File(path, "a") as file:
-        group = file.attrs if name == "dt" else file
-        values = changed_array(group[name] if name == "dt" else group[name][...], draw)
-        del group[name]
-        how = draw.randrange(6)
-        if how < 3 and name != "dt":
-            huge = {"shape": (2**20, 2**20, 2**10), "chunks": (64, 64, 64), "dtype": "f8"}
-            if how == 0:
-                file.create_dataset(name, **huge)
-            elif how == 1:
-                file[name] = h5py.ExternalLink("/etc/hostname", "x")
+    else:
+        with h5py.File(path, "a") as file:
+            group = file.attrs if name == "dt" else file
+            changed = other_array(group[name][()] if group is file else group[name], draw)
+            del group[name]
+            if group is file and draw.random() < 0.5:
+                draw.choice(NO_ARRAY)(file, name)
             else:
-                file.create_group(name)
-        elif how < 5:
-            value = draw.choice([values, draw.choice(odd)])
-            group[name] = value.astype("S") if value.dtype.kind == "U" else value
+                group[name] = changed
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".npz", ".nc"])
+@pytest.mark.parametrize("suffix", COLUMNS)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_damaged_trajectories(seed, suffix, runs, tmp_path):
     (folder, known), draw = runs, random.Random(seed)
     files = [folder / f"4{suffix}", folder / f"8{suffix}", tmp_path / f"16{suffix}"]
     for _ in range(EACH):
-        files[2].write_bytes(whole := (folder / f"16{suffix}").read_bytes())
-        if suffix == ".csv":
-            files[2].write_bytes(other_text(whole, CSV, [f"# dt = {dt}" for dt in DT], draw))
-        else:
-            changed_arrays(files[2], draw)
+        files[2].write_bytes((folder / f"16{suffix}").read_bytes())
+        damage(files[2], draw)
         report = complaint_or_value(lambda: grade(files, known, diagnose=False))
         assert report is None or report.verdict
 
 
 # TOML.
 
+DOCS = Path(__file__).parents[1] / "docs"
+RANDOM = "[random]\ncount = 2\nseeds = [0, 1]\nstiffness = { uniform = [1.0, 2.0] }\n"
 SPECS = {
-    "sweep.toml": """\
-problem = "linear-chain"
-frames = 3
-steppers = ["rk4", "leapfrog:form=kick-drift-kick"]
-steps_per_frame = [4, 8, 16]
-order_factors = []
-accuracy = 1e-6
-[parameters]
-stiffness = 2.0
-[grid]
-num_masses = [4, 8]
-[random]
-count = 2
-seeds = [0, 1]
-stiffness = { uniform = [1.0, 2.0] }
-""",
-    "rope.toml": """\
-frames = 2
-steppers = ["rk4"]
-rope = { num_nodes = 4, gravity = [0.0, -1.0], pinned = [0] }
-[grid]
-damping = [0.0, 0.1]
-""",
-    "own.toml": """\
-name = "own"
-order = 2
-A = [[], ["1/2"]]
-b = [0, 1.0]
-c = [0.0, "1/2"]
-""",
-    "rubric.toml": """\
-[[item]]
-name = "runs"
-points = 2
-[[item]]
-name = "order"
-points = 4.5
-checks = ["order-*", "pins"]
-partial = true
-""",
+    "sweep.toml": commented_sweep() + RANDOM,
+    "own.toml": (DOCS / "examples/heun3.toml").read_text(),
+    "rubric.toml": (DOCS / "teach/verlet/rubric.toml").read_text(),
 }
-TOML = [
-    "true", "-1", "0", "1e308", "nan", "inf", "9" * 30, "9" * 5000, "0x" + "f" * 4000, "1_000_000",
-    '""', '"x"', '"1/0"', '"1e-999999999"', '"' + "x" * 9000 + '"', "[]", "{}", "[" * 3000,
-    "[" * 15 + "]" * 15, "{a=" * 500, "{a=" * 12 + "1" + "}" * 12, "1979-05-27", "[1, [2]]",
-    "[" + "1, " * 3000 + "]", '"""' + "y" * 9000, "'", '"\\u0000"', "{self = 1, cls = 2}",
-]  # fmt: skip
 LINES = [
     "a" + ".a" * 20000 + " = 1", '"="' + '."="' * 9000 + " = 1", "[" + "a.a." * 5000 + "a]",
     "\n".join(f"k{i} = 1" for i in range(5000)), "\n".join("[[item]]" for _ in range(5000)),
@@ -417,9 +338,9 @@ LINES = [
 @pytest.mark.parametrize("seed", SEEDS)
 def test_damaged_toml(seed, name, run, tmp_path):
     draw = random.Random(seed)
-    path = tmp_path / name
+    path, text = tmp_path / name, re.sub(r"^(#.*)?\n", "", SPECS[name], flags=re.M).encode()
     for _ in range(EACH):
-        path.write_bytes(other_text(SPECS[name].encode(), TOML, LINES, draw))
+        path.write_bytes(other_text(text, WORDS, LINES, draw))
         if name == "rubric.toml":
             done = run("check", ".", "--rubric", name)
             assert done.returncode == 2
@@ -434,26 +355,26 @@ def test_damaged_toml(seed, name, run, tmp_path):
 
 
 READING = [
-    ("table", ".toml"),
-    ("table --steppers runge-kutta:", ".toml"),
-    ("reference show", ".nc"),
-    *(("grade --reference linear-chain", suffix) for suffix in (".nc", ".csv", ".npz")),
+    "table x.toml",
+    "table --steppers runge-kutta:x.toml",
+    "reference show x.nc",
+    *(f"grade --reference linear-chain x{each} x{each} x{each}" for each in COLUMNS),
 ]
+NO_FILE = {
+    "pipe": os.mkfifo,
+    "folder": Path.mkdir,
+    "device": lambda path: path.symlink_to("/dev/zero"),
+    "missing": lambda path: None,
+}
 
 
-@pytest.mark.parametrize("kind", ["pipe", "folder", "device", "missing"])
-def test_what_is_no_file(kind, run, tmp_path):
+@pytest.mark.parametrize("make", NO_FILE.values(), ids=NO_FILE)
+def test_what_is_no_file(make, run, tmp_path):
     """A pipe that nobody writes to, and a device without an end, end at once in a complaint."""
-    for command, suffix in READING:
-        path = tmp_path / f"{kind}{suffix}"
-        if kind == "pipe" and not path.exists():
-            os.mkfifo(path)
-        elif kind == "folder":
-            path.mkdir(exist_ok=True)
-        elif kind == "device" and not path.exists():
-            path.symlink_to("/dev/zero")
-        words = f"{command}{'' if command.endswith(':') else ' '}{path.name}".split()
-        done = run(*words, *([path.name] * 2 if command.startswith("grade") else []))
+    for suffix in (".toml", *COLUMNS):
+        make(tmp_path / f"x{suffix}")
+    for words in READING:
+        done = run(*words.split())
         assert done.returncode == 2, (words, done.stderr)
         (line,) = set(done.stderr.splitlines())
         assert "can be read" in line

@@ -14,7 +14,7 @@ import pytest
 
 from ropeode import sandbox
 from ropeode.sandbox import MEBIBYTE, Child, Ended, GuardLost, Limits, Nursery, run
-from tests.time_limit import HANGS_AFTER_S
+from tests.time_limit import HANGS_AFTER_S, until
 
 EXIT = "ended its process (exit code {})"
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="other systems leave orphans alone")
@@ -99,14 +99,6 @@ def test_a_crash_says_where():
         assert said in noise
 
 
-def has_ended(pid):
-    """Whether a process runs no more, after some time."""
-    until = time.monotonic() + HANGS_AFTER_S
-    while os.path.exists(f"/proc/{pid}") and time.monotonic() < until:
-        time.sleep(0.02)
-    return not os.path.exists(f"/proc/{pid}")
-
-
 # What is left is an orphan in a session of its own.
 LEAVES = """
 if os.fork() == 0:
@@ -134,11 +126,9 @@ def test_it_ends_with_its_parent_however_that_ends(tmp_path):
     parent = f"from tests.test_sandbox import *\nrun(runs, {code!r})"
     root = Path(__file__).parents[1]
     with subprocess.Popen([sys.executable, "-c", parent], cwd=root) as process:
-        until = time.monotonic() + HANGS_AFTER_S
-        while not os.path.lexists(file) and time.monotonic() < until:
-            time.sleep(0.02)
+        until(lambda: os.path.lexists(file))
         process.kill()
-    assert has_ended(os.readlink(file))
+    until(lambda: not os.path.exists(f"/proc/{os.readlink(file)}"))
 
 
 def answers():
@@ -203,7 +193,7 @@ SCRIPT = """
 from ropeode import sandbox
 def mine():
     return b"of the script"
-{guard}
+{guard}:
     print(sandbox.run(mine).result, flush=True)
 """
 
@@ -211,14 +201,12 @@ def mine():
 @pytest.mark.parametrize(
     ("guard", "says"),
     [
-        ("if __name__ == '__main__':", "b'of the script'"),
-        ("if True:", "Fix: call this below `if __name__ == '__main__':`"),
+        ("if __name__ == '__main__'", "b'of the script'"),
+        ("if True", "Fix: call this below `if __name__ == '__main__':`"),
     ],
 )
 def test_functions_of_a_script_are_found(guard, says, tmp_path):
     (tmp_path / "script.py").write_text(SCRIPT.format(guard=guard))
     command = [sys.executable, "script.py"]
-    done = subprocess.run(
-        command, cwd=tmp_path, capture_output=True, text=True, timeout=HANGS_AFTER_S
-    )
-    assert says in done.stdout + done.stderr
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, timeout=HANGS_AFTER_S)
+    assert says in (done.stdout + done.stderr).decode()

@@ -85,22 +85,6 @@ for each in threads:
 for each in threads:
     each.join()
 """
-HEAT = """
-import jax, jax.numpy as jnp, numpy as np
-from ropeode import Problem, accuracy_table
-def heat(t, y, args):
-    padded = jnp.pad(y, 1)
-    return 10.0 * (padded[2:] - 2.0 * y + padded[:-2]) - y**3
-def rosenbrock(gamma):
-    def step(rhs, t, y, dt, args):
-        jacobian = jax.jacfwd(lambda y: rhs(t, y, args))(y)
-        return y + dt * jnp.linalg.solve(jnp.eye(y.size) - gamma * dt * jacobian, rhs(t, y, args))
-    step.__name__ = f"rosenbrock_{int(100 * gamma)}"
-    return step
-problem = Problem(heat, np.sin(np.pi * np.arange(1, 32) / 32), np.linspace(0.0, 1.0, 5))
-for _ in range(20):
-    accuracy_table(problem, [rosenbrock(1.0), rosenbrock(0.5)], [4, 8, 16], predict=True)
-"""
 
 
 @pytest.mark.parametrize(
@@ -108,9 +92,8 @@ for _ in range(20):
     [
         SOLVES.format(size=16, each=8, threads=1, times=50),
         pytest.param(SOLVES.format(size=31, each=1, threads=2, times=3000), marks=pytest.mark.slow),
-        pytest.param(HEAT, marks=pytest.mark.slow),
     ],
-    ids=["in one program", "in two programs", "in a table"],
+    ids=["in one program", "in two programs"],
 )
 def test_batches_of_matrices_do_not_wait_for_one_another(code):
     # In a process of its own: what hangs keeps the threads of XLA.

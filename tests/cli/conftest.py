@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 
@@ -10,6 +11,12 @@ import pytest
 
 from ropeode.errors import InputError
 from tests.time_limit import HANGS_AFTER_S
+
+
+def interrupted(process):
+    """What a process still says after Ctrl-C, and its exit code."""
+    process.send_signal(signal.SIGINT)
+    return (*process.communicate(timeout=HANGS_AFTER_S), process.returncode)
 
 
 def commands(command, path=()):

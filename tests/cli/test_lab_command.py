@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import re
 import signal
-import subprocess
-import sys
 import urllib.request
 
 import psutil
@@ -50,10 +48,3 @@ def test_a_wrong_problem_ends_it(opened):
     assert (process.returncode, out) == (2, "")
     assert err.startswith("ropeode: problem: 'ropes' given")
     assert len(err.splitlines()) == 1
-
-
-def test_the_server_imports_no_jax_and_no_numpy():
-    modules = "ropeode.cli.lab, ropeode.laboratory.server, ropeode.laboratory.dispatcher"
-    code = f"import sys, {modules}; print({{'jax', 'numpy', 'scipy'}} & set(sys.modules))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "set()\n"

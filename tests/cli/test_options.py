@@ -97,6 +97,14 @@ def test_errors_are_predicted_where_somebody_asks(run):
     assert ["predicted" in each for each in said] == [True, False]
 
 
+def test_names_of_files_start_from_the_folder_of_the_spec(table_job, tmp_path):
+    (tmp_path / "specs").mkdir()
+    (tmp_path / "specs/steps.py").write_text(STEPS)
+    (tmp_path / "specs/spec.toml").write_text('steppers = ["steps.py"]\n')
+    job = table_job("specs/spec.toml")
+    assert [each.label for each in job.spec.steppers] == ["steps.py:verlet"]
+
+
 def test_a_reference_is_looked_for_where_it_was_typed(run, tmp_path):
     """And not beside the spec, which may have a file of the same name."""
     (tmp_path / "specs").mkdir()
