@@ -78,7 +78,7 @@ docs: $(VENV)/.installed-dev
 references: $(VENV)/.installed-dev
 	$(VENV)/bin/python reference/make.py
 
-OLD := tests/old_releases
+OLD := benchmarks/old_releases
 OLD_ENVS := .venv-old
 OLD_REQUIREMENTS := $(wildcard $(OLD)/requirements/*.txt)
 

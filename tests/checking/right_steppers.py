@@ -8,8 +8,6 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from ropeode.steppers import as_stepper
@@ -64,40 +62,6 @@ def composed(fractions: list[float]) -> Callable:
     return step
 
 
-def split(drifts: list[float], kicks: list[float]) -> Callable:
-    """Drifts and kicks in turn; a kick solves ``v' = a - rate v`` at fixed positions exactly."""
-
-    def step(acceleration, t, x, v, dt, args):
-        rate = _rate(args)
-        damped = rate > 0
-        safe = damped * rate + (1.0 - damped)
-        for drift, kick in zip(drifts, kicks, strict=True):
-            x, t = x + drift * dt * v, t + drift * dt
-            h = kick * dt
-            reach = damped * -jnp.expm1(-safe * h) / safe + (1.0 - damped) * h
-            v = v * jnp.exp(-rate * h) + reach * acceleration(t, x, 0 * v, args)
-        return x, v
-
-    return step
-
-
-def implicit(stages: list[list[float]], nodes: list[float], weights: list[float]) -> Callable:
-    """An implicit Runge-Kutta method, its equations solved by iterating to rounding."""
-
-    def step(rhs, t, y, dt, args):
-        def better(_: Any, slopes: Any) -> Any:
-            return tuple(
-                rhs(t + c * dt, y + dt * sum(a * k for a, k in zip(row, slopes, strict=True)), args)
-                for row, c in zip(stages, nodes, strict=True)
-            )
-
-        first = tuple(rhs(t, y, args) for _ in nodes)
-        slopes = jax.lax.fori_loop(0, 60, better, first)
-        return y + dt * sum(b * k for b, k in zip(weights, slopes, strict=True))
-
-    return step
-
-
 def heun_in_numpy(rhs, t, y, dt, args):
     """As one writes it who saves memory: in place, but in its own arrays."""
     y = np.array(y)
@@ -135,18 +99,10 @@ _OWN = (
 )
 
 
-def _by_iteration(order: int, *method: Any, **more: bool) -> tuple[Any, dict[str, Any]]:
-    return implicit(*method), {"expected_order": order, **more}
-
-
 _CUBE = 1 / (2 - 2 ** (1 / 3))
 _SUZUKI = 1 / (4 - 4 ** (1 / 3))
-_ROOT = 3**0.5 / 6
 _YOSHIDA = [_CUBE, 1 - 2 * _CUBE, _CUBE]
 _SUZUKI4 = [_SUZUKI, _SUZUKI, 1 - 4 * _SUZUKI, _SUZUKI, _SUZUKI]
-_GAUSS = [[1 / 4, 1 / 4 - _ROOT], [1 / 4 + _ROOT, 1 / 4]], [1 / 2 - _ROOT, 1 / 2 + _ROOT]
-_RUTH = [7 / 24, 3 / 4, -1 / 24], [2 / 3, -2 / 3, 1]
-_MCLACHLAN = [1 - 0.5**0.5, 0.5**0.5], [0.5**0.5, 1 - 0.5**0.5]
 
 RIGHT: dict[str, tuple[Any, dict[str, Any]]] = {
     **{
@@ -161,16 +117,12 @@ RIGHT: dict[str, tuple[Any, dict[str, Any]]] = {
     # H. Yoshida, Phys. Lett. A 150 (1990); M. Suzuki, Phys. Lett. A 146 (1990).
     "yoshida4": (composed(_YOSHIDA), {"expected_order": 4, **_STRUCTURE}),
     "suzuki4": (composed(_SUZUKI4), {"expected_order": 4, **_STRUCTURE}),
-    # R. Ruth, IEEE Trans. Nucl. Sci. 30 (1983).
-    "ruth3": (split(*_RUTH), {"expected_order": 3, "symplectic": True}),
-    # R. McLachlan, SIAM J. Sci. Comput. 16 (1995): two kicks with the smallest error.
-    "mclachlan2": (split(*_MCLACHLAN), {"expected_order": 2, "symplectic": True}),
-    "implicit-midpoint": _by_iteration(2, [[1 / 2]], [1 / 2], [1], **_STRUCTURE),
-    "trapezium": _by_iteration(
-        2, [[0, 0], [1 / 2, 1 / 2]], [0, 1], [1 / 2, 1 / 2], reversible=True
-    ),
-    "gauss4": _by_iteration(4, *_GAUSS, [1 / 2, 1 / 2], **_STRUCTURE),
-    "implicit-euler": _by_iteration(1, [[1]], [1], [1]),
+    # These solve equations, and the damping exactly.
+    "ruth3": (as_stepper("ruth3"), {"expected_order": 3, "symplectic": True}),
+    "implicit-midpoint": (as_stepper("implicit-midpoint"), {"expected_order": 2, **_STRUCTURE}),
+    "trapezium": (as_stepper("trapezium"), {"expected_order": 2, "reversible": True}),
+    "gauss4": (as_stepper("gauss4"), {"expected_order": 4, **_STRUCTURE}),
+    "implicit-euler": (as_stepper("implicit-euler"), {"expected_order": 1}),
     "heun in NumPy": (heun_in_numpy, {"expected_order": 2}),
     "rk4 with lists": (rk4_with_lists, {"expected_order": 4}),
     "adams-bashforth-2": (as_stepper("adams-bashforth2"), {}),

@@ -55,17 +55,6 @@ def test_the_rope_that_was_solved_instead(tmp_path, known, stepper, changes, how
         assert order == pytest.approx(1.0 if "euler" in stepper else 2.0, abs=0.1)
 
 
-def test_damping_per_step(tmp_path, known):
-    made = files_of(tmp_path, "stormer-verlet:damping=per-step", {})
-    (diagnosis,) = grade(made, known, expected_order=1).diagnosis
-    assert diagnosis.cause == "damping-per-step"
-    (term,) = diagnosis.evidence["terms"]
-    per_time = [
-        each * dt for each, dt in zip(term["found"], diagnosis.evidence["dts"], strict=True)
-    ]
-    assert per_time == pytest.approx([per_time[0]] * len(per_time), rel=1e-6)
-
-
 @slow
 def test_another_mass_at_each_node_is_no_number(tmp_path, known):
     made = files_of(tmp_path, "stormer-verlet", {"node_mass": [1.0, 2.0, 0.5, 3.0]})
