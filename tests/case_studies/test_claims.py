@@ -25,9 +25,9 @@ from ropeode.errors import InputError
 from ropeode.problems import InextensibleRope, Rope
 from ropeode.steppers import as_stepper
 from ropeode.theory import Growth
-from tests.render.made_up import report
+from tests.render.made_up import MADE_UP
 
-RESTS = report().figures[1].readings[0].motion
+RESTS = MADE_UP["report"]().figures[1].readings[0].motion
 
 
 def motion(swings=4, **more) -> Motion:

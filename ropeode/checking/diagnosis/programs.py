@@ -559,8 +559,9 @@ def _in_single(method: Method, runs: Sequence[_Run]) -> list[Program]:
         double = run.misfits(method, right, run.by_number())
         single = run.misfits(method, right, run.by_number(), single=True) - double
         left.append(float(np.max(np.abs(double))))
-        ratio = left[-1] / float(np.max(np.abs(single)))
-        if not 1.0 / _AS_SINGLE <= ratio <= _AS_SINGLE:
+        rounding = float(np.max(np.abs(single)))
+        # Without springs there are no lengths to round.
+        if not 0.0 < rounding / _AS_SINGLE <= left[-1] <= _AS_SINGLE * rounding:
             return []
     # The error of a method of order 1 falls to a quarter.
     stays = left[-1] >= left[0] / 2.0 and runs[0].dt >= _APART * runs[-1].dt
