@@ -209,6 +209,14 @@ def test_a_treatment_of_damping_that_is_right_in_the_limit_is_no_mistake(tmp_pat
     assert diagnosis.cause not in ("parameters", "step-size", "damping-per-step")
 
 
+def test_a_damping_that_is_missing_is_no_tiny_one(tmp_path):
+    """What is left of it in the numbers is rounding."""
+    damped = reference(Rope(**SPRINGS, damping=0.01).problem(FRAMES))
+    files = Program(damped.problem, damping=0.0).files(tmp_path, (64, 128, 256))
+    (diagnosis,) = grade(files, damped, expected_order=2).diagnosis
+    assert "the damping is missing" in diagnosis.line
+
+
 def test_lengths_in_single_precision_refute_nothing(tmp_path):
     long = reference(Rope(num_nodes=5, end=(-8e4, 150.0), stiffness=90.0).problem(FRAMES))
     program = Program(long.problem, method="midpoint", single_length=True)

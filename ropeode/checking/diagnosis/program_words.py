@@ -41,6 +41,8 @@ class _Known(NamedTuple):
     remedy: str
 
 
+# How precisely a number is found, as a part of itself and of the right one.
+_PRECISION = 1e-7
 _SCALE = "leave it out, or scale it with dt: v *= exp(-rate * dt), or a damping force"
 _ZERO = TERMS["old_forces"].remedy
 # The first that fits is said; others are said by their term, value and power of dt.
@@ -160,7 +162,8 @@ def _changed(program: Program, mass: float) -> tuple[str, str, str]:
     values, exponent = np.array([*program.found.values()]), power(program) or 0.0
     value = float(values[0])
     if exponent == 0.0:
-        value = shortest(value, max(float(np.ptp(values)), 1e-7 * abs(value)))
+        size = max(abs(value), abs(TERMS[program.changed[0]].expected))
+        value = shortest(value, max(float(np.ptp(values)), _PRECISION * size))
     for known in _MISTAKES:
         same = (known.terms, known.power) == (program.changed, exponent)
         if same and known.value in (None, value):
