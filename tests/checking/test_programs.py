@@ -246,7 +246,13 @@ OTHER_TERMS = {
 }
 
 
-@pytest.mark.parametrize("words", OTHER_TERMS)
+@pytest.mark.parametrize(
+    "words",
+    [
+        pytest.param(words, marks=pytest.mark.slow if len(change) == 1 else [])
+        for words, change in OTHER_TERMS.items()
+    ],
+)
 def test_terms_of_a_method_that_is_not_known_are_named(known, tmp_path, words):
     """Its runs tend to a limit, to which the terms are fitted."""
     program = Program(known["moving"].problem, method="kutta3", **OTHER_TERMS[words])
