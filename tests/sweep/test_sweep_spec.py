@@ -288,7 +288,7 @@ def test_every_version_counts(plain):
 
 
 PENDULUM = (Path(__file__).parents[2] / "docs/examples/pendulum.py").read_text()
-EULER = "import helper\ndef euler(rhs, t, y, dt, args):\n    return y + dt * rhs(t, y, args)\n"
+EULER = "import own_helper\ndef euler(rhs, t, y, dt, args):\n    return y + dt * rhs(t, y, args)\n"
 
 
 def test_a_users_file_counts_by_what_is_in_it_and_in_what_it_imports(tmp_path, monkeypatch):
@@ -296,7 +296,7 @@ def test_a_users_file_counts_by_what_is_in_it_and_in_what_it_imports(tmp_path, m
 
     def key_of(folder, problem=PENDULUM, step=EULER, helper=""):
         (tmp_path / folder).mkdir()
-        files = {"own.py": problem, "own_steps.py": step, "helper.py": helper}
+        files = {"own.py": problem, "own_steps.py": step, "own_helper.py": helper}
         files["sweep.toml"] = 'problem = "own.py:pendulum"\nsteppers = ["own_steps.py"]\n'
         for name, text in files.items():
             (tmp_path / folder / name).write_text(text)
