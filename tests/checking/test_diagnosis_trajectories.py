@@ -85,7 +85,7 @@ def test_numbers_are_right_to_their_spread(seed):
         found = np.ravel(number["found"])
         off = np.abs(found - np.ravel(changed[name])[: len(found)])
         assert np.all(off <= number["spread"])
-        assert np.all(np.asarray(number["spread"]) < 1e-3)
+        assert np.all(np.asarray(number["spread"]) < 3e-3)
 
 
 def test_what_has_no_wrong_numbers(known):
