@@ -90,10 +90,14 @@ def test_numbers_are_right_to_their_spread(seed):
 
 def test_what_has_no_wrong_numbers(known):
     right = [(1 / n, simulate(known.problem, "semi-implicit-euler", n).states) for n in STEPS]
+    rope = known.problem
+    driven = rope.changed(rhs=lambda t, y, args: rope.rhs(t, y, args) + 1e-6)
     for problem, given, words in (
         (known.problem, right, "tend to the right solution"),
         (known.problem, right[:2], "at least three step sizes"),
         (PROBLEMS["pendulum"](), [], "no parameters"),
+        # Not the forces of a rope alone, whatever its numbers say.
+        (driven, right, "no parameters"),
     ):
         (diagnosis,) = diagnose_trajectories(problem, known, given, problem.quantities)
         assert diagnosis.cause == "unknown"

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from ropeode.errors import InputError
 from ropeode.problems import InextensibleRope, Rope
+from tests.links import stretching
 from tests.problems.in_jax import in_jax
 from tests.problems.test_library import made_again
 
@@ -162,16 +163,6 @@ def test_a_spring_of_length_zero_pulls_nowhere(derivative):
 
 
 # Links that keep their lengths.
-
-
-def stretching(x):
-    """For each link what node velocities stretch it: ``d . (v_b - v_a)``; ``x`` is ``(n, dim)``."""
-    nodes, dim = x.shape
-    rows = np.zeros((nodes - 1, nodes, dim))
-    for i in range(nodes - 1):
-        rows[i, i + 1] = x[i + 1] - x[i]
-        rows[i, i] = x[i] - x[i + 1]
-    return rows.reshape(nodes - 1, nodes * dim)
 
 
 @st.composite

@@ -10,6 +10,7 @@ from scipy.integrate import DOP853, RK45
 
 from ropeode.problems import InextensibleRope, Rope
 from ropeode.simulation import simulate
+from tests.links import stretching
 from tests.steppers.every_variant import EVERY_PARAMETER
 from tests.steppers.ropes import in_space, sweep_links
 from tests.verification.extrapolation import rope_rhs
@@ -150,16 +151,6 @@ def after_two(x, before, a, damping):
     for _ in range(60):
         after = 2 * x - before + DT**2 * (a - RATE * (after - before) / (2 * DT))
     return after
-
-
-def stretching(x):
-    """What gives ``d . (b - a)`` of each link from node vectors, ``(links, nodes * dim)``."""
-    nodes, dim = x.shape
-    rows = np.zeros((nodes - 1, nodes, dim))
-    for i in range(nodes - 1):
-        rows[i, i + 1] = x[i + 1] - x[i]
-        rows[i, i] = x[i] - x[i + 1]
-    return rows.reshape(nodes - 1, -1)
 
 
 def squares(x):

@@ -117,21 +117,30 @@ def exact_motion(problem: Problem, terms: Terms, samples: int, steps: int) -> np
     return np.moveaxis(np.stack(states), 2, 0)
 
 
-def steps_for(problem: Problem, terms: Terms, tolerance: float) -> tuple[int, np.ndarray]:
-    """How many steps in each frame give the motion of one rope to a tolerance.
+class Motion(NamedTuple):
+    """How one rope moves.
 
-    Returns:
-        The steps, and how far the states are from those of half as many,
-        ``(samples, *state)``.
+    Fields:
+        steps: in each frame, with which it was found.
+        states: after the first sample, ``(samples, *state)``.
+        error: how far they are from those of half as many steps; of the same shape.
     """
+
+    steps: int
+    states: np.ndarray
+    error: np.ndarray
+
+
+def motion_to(problem: Problem, terms: Terms, tolerance: float) -> Motion:
+    """The motion of one rope with such terms, with as few steps as a tolerance allows."""
     samples, steps = len(problem.ts) - 1, 4
     coarse = exact_motion(problem, terms, samples, steps)[0]
     while True:
         steps *= 2
         fine = exact_motion(problem, terms, samples, steps)[0]
-        apart = np.abs(fine - coarse)
-        if np.max(apart[:, 0]) <= tolerance * problem.scale or steps >= _MOST_STEPS:
-            return steps, apart
+        error = np.abs(fine - coarse)
+        if np.max(error[:, 0]) <= tolerance * problem.scale or steps >= _MOST_STEPS:
+            return Motion(steps, fine, error)
         coarse = fine
 
 
@@ -178,6 +187,9 @@ def terms_with(values: dict[str, float]) -> dict[str, np.ndarray]:
 
 class _Trial:
     """A fit that is under way, by the method of Levenberg and Marquardt.
+
+    SciPy's solves one problem after the other. Here all ropes of hundreds of fits move side by
+    side, and each fit takes one step.
 
     Arguments:
         groups: that change.
@@ -238,7 +250,7 @@ class Fitting:
             for name, size in limit.motion.items()
         )
         self._tolerance = float(np.clip(_PRECISION / size, FINEST, _COARSEST))
-        self._steps, _ = steps_for(limit.problem, right_terms(1), self._tolerance)
+        self._steps = motion_to(limit.problem, right_terms(1), self._tolerance).steps
 
     def _differences(
         self, sets: Sequence[tuple[tuple[Group, ...], np.ndarray]], samples: int
@@ -285,7 +297,7 @@ class Fitting:
             return []
         # Changed ropes may need smaller steps than the right one.
         terms = terms_with(min(fits, key=lambda fit: fit.misfit).values())
-        steps, _ = steps_for(self._problem, terms, self._tolerance)
+        steps = motion_to(self._problem, terms, self._tolerance).steps
         self._steps = max(self._steps, steps)
         return self.fits([(fit.groups, fit.changes) for fit in fits], self._samples)
 

@@ -27,8 +27,7 @@ from ropeode.checking.diagnosis.fitted_terms import (
     FINEST,
     Fit,
     Fitting,
-    exact_motion,
-    steps_for,
+    motion_to,
     terms_with,
 )
 from ropeode.checking.diagnosis.limits import ObservedLimit, Runs, observe_limit
@@ -203,10 +202,8 @@ def _solved(limit: ObservedLimit, fit: Fit, runs: Runs, reference: Reference) ->
         fitted,
     ):
         values = {name: value for each in numbers for name, value in each.values().items()}
-        terms = terms_with(values)
-        steps, error = steps_for(problem, terms, FINEST)
-        motion = exact_motion(problem, terms, len(limit.states) - 1, steps)[0]
-        states = np.concatenate([problem.y0[None], motion])
+        _, moved_to, error = motion_to(problem, terms_with(values), FINEST)
+        states = np.concatenate([problem.y0[None], moved_to])
         misfit = limit.misfit(states, error)
         if misfit <= 1.0:
             break
