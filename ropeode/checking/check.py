@@ -106,8 +106,8 @@ def check_stepper(
         )
         findings: list[Finding] = []
         diagnosis: tuple[Diagnosis, ...] = ()
-        if not trial.repeatable:
-            findings += _only("determinism", HIDDEN_STATE, names, "not deterministic")
+        if trial.hidden_state:
+            findings += _only("determinism", trial.hidden_state, names, "not deterministic")
         else:
             examination = _examination(stepper, trial, claims)
             for done, name in enumerate(names):
@@ -198,7 +198,7 @@ def _notes(trial: Trial, printed: str) -> Iterator[str]:
     if printed.strip():
         first = printed.strip().splitlines()[0]
         yield f"the step prints, which costs time (its first line: {first[:60]!r})"
-    if not trial.repeatable:
+    if trial.hidden_state:
         yield (
             "carry what the step remembers in a class, as in this file (ropeode check --template "
             f"two-step):\n\n{template('two-step')}"

@@ -20,6 +20,7 @@ from .library import ROPES as ROPES
 from .library import rope_of as rope_of
 from .links import LinearDamping as LinearDamping
 from .links import Links as Links
+from .memory import Memory as Memory
 from .no_equations import NoEquations as NoEquations
 from .picture import PICTURES as PICTURES
 from .picture import Picture as Picture

@@ -13,7 +13,7 @@ from ropeode.precision import in_float64
 from ropeode.problems import Mechanics, Problem
 from ropeode.simulation.layout import Layout
 from ropeode.simulation.system import on_stored_states
-from ropeode.simulation.trial import HIDDEN_STATE, Trial, trial_of
+from ropeode.simulation.trial import Trial, trial_of
 from ropeode.steppers import Stepper, as_stepper, template
 
 
@@ -72,11 +72,11 @@ def method_of(stepper: Any, problem: Problem) -> Method:
     stepper.require(problem)
     stepper = stepper.on(problem.structure)
     trial = trial_of(stepper, problem)
-    if not trial.repeatable:
+    if trial.hidden_state:
         raise UserCodeError(
-            f"stepper: {stepper.label!r} is {HIDDEN_STATE}; allowed: a step whose output depends "
-            "on its input alone. Fix: carry what it remembers in a class, as this file does "
-            f"(ropeode check --template two-step):\n\n{template('two-step')}"
+            f"stepper: {stepper.label!r} is {trial.hidden_state}; allowed: a step whose output "
+            "depends on its input alone. Fix: carry what it remembers in a class, as this file "
+            f"does (ropeode check --template two-step):\n\n{template('two-step')}"
         )
     traced = trial.compiled and stepper.compiled is None
     return Method(_digest(stepper, problem) if traced else stepper, stepper, trial)

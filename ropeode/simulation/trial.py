@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence
 from typing import Any
 
 import jax
 import numpy as np
 
-from ropeode.errors import UserCodeError
+from ropeode.errors import RopeodeError, UserCodeError
 from ropeode.precision import in_float64
-from ropeode.problems import Problem, callbacks_in
+from ropeode.problems import Memory, Problem, callbacks_in
 from ropeode.simulation.python_driver import PythonStepper, one_at_a_time
 from ropeode.simulation.side_effects import (
     WRITES_OVER,
@@ -28,6 +28,8 @@ from ropeode.steppers import Stepper
 # Compiled and uncompiled steps have to agree for so many, that a step which counts how often it is
 # called has counted to a hundred; and so closely, relative to the state.
 _STEPS, _SAME = 144, 1e-11
+# How another problem and step size differ from the first.
+_OTHER = 1.25
 # With loops of JAX's own inside, which are slow where they are not compiled.
 _STEPS_WITH_LOOPS = 6
 # A longer program, such as that of an iteration that was unrolled, takes XLA minutes and gigabytes
@@ -40,9 +42,11 @@ _FRACTION = 1.0 / 4096.0
 _TRIALS: dict[Hashable, tuple[Stepper, Trial]] = {}
 _MOST_KEPT = 256
 
+# What a step is called whose output does not depend on its input alone; and the same where it is
+# not known what it remembers.
+_NOT_DETERMINISTIC = "not deterministic: the same input gave different output; the step keeps"
 HIDDEN_STATE = (
-    "not deterministic: the same input gave different output; the step keeps hidden state (a "
-    "global variable or a closure), or draws random numbers"
+    f"{_NOT_DETERMINISTIC} hidden state (a global variable or a closure), or draws random numbers"
 )
 
 
@@ -52,14 +56,14 @@ class Trial:
 
     Arguments:
         compiled: whether JAX can trace it, with the same results.
-        repeatable: whether the same input gives the same output, to the last bit.
+        hidden_state: how the same input gave different output, in words; empty if it never did.
         side_effects: what it does besides returning a result, each as in "modifies args".
         finite: whether its first steps from a regular state are finite.
         asks_for_forces: whether it calls the right-hand side or acceleration that it is handed.
     """
 
     compiled: bool
-    repeatable: bool = True
+    hidden_state: str = ""
     finite: bool = True
     side_effects: tuple[str, ...] = ()
     asks_for_forces: bool = True
@@ -119,6 +123,7 @@ def _tried(stepper: Stepper, problem: Problem) -> Trial:
     fresh().compile_right_hand_side(t)
     # As no step would set it.
     errors = np.errstate(all="ignore", under="call", call=lambda *_: None)
+    memory = Memory(stepper, ())
     with one_at_a_time(), errors:
         own = fresh()
         before = process_state()
@@ -132,7 +137,16 @@ def _tried(stepper: Stepper, problem: Problem) -> Trial:
         )
         if not np.array_equal(first, again, equal_nan=True):
             # It must not be traced: it would keep a tracer.
-            return Trial(False, False, finite, side_effects, asks_for_forces)
+            hidden = _hidden_state(memory.changes())
+            return Trial(False, hidden, finite, side_effects, asks_for_forces)
+        if changes := memory.changes():
+            try:
+                hidden = on_user_clock(_first_seen, stepper, problem, memory, changes)
+            except RopeodeError:
+                # The other problem cannot be made or solved, which nobody asked for.
+                hidden = ""
+            if hidden:
+                return Trial(False, hidden, finite, side_effects, asks_for_forces)
         loops, fast = _compiled_steps(stepper, problem, t, dt)
         steps = _STEPS_WITH_LOOPS if loops else _STEPS
         quick = None if fast is None else fast(steps)
@@ -143,10 +157,40 @@ def _tried(stepper: Stepper, problem: Problem) -> Trial:
             if results.are_written_over and WRITES_OVER not in side_effects:
                 side_effects += (WRITES_OVER,)
             if quick is not None and _agree(quick, slow):
-                return Trial(True, True, finite, side_effects, asks_for_forces)
+                return Trial(True, "", finite, side_effects, asks_for_forces)
             again = on_user_clock(_python_steps, fresh(), t, dt, steps)
-    repeatable = np.array_equal(slow, again, equal_nan=True)
-    return Trial(False, repeatable, finite, side_effects, asks_for_forces)
+    same = np.array_equal(slow, again, equal_nan=True)
+    hidden = "" if same else _hidden_state(memory.changes())
+    return Trial(False, hidden, finite, side_effects, asks_for_forces)
+
+
+def _hidden_state(changes: Sequence[str]) -> str:
+    """What a step is called that gives different output, from what changed in its memory."""
+    return f"{_NOT_DETERMINISTIC} hidden state ({'; '.join(changes)})" if changes else HIDDEN_STATE
+
+
+def _first_seen(stepper: Stepper, problem: Problem, memory: Memory, changes: Sequence[str]) -> str:
+    """How its steps depend on the problem and step size that it saw first; empty if they do not.
+
+    On another problem, with another step size, it steps once as it is and once with the memory that
+    it had before it saw any.
+    """
+    args = jax.tree.map(lambda leaf: _OTHER * leaf, problem.args)
+    other = problem.changed(y0=_OTHER * problem.y0, args=args, exact=None)
+    t, dt = float(other.ts[0]), float(frame_lengths(other)[0]) * _OTHER * _FRACTION
+
+    def steps() -> np.ndarray:
+        return _python_steps(PythonStepper(other, stepper), t, dt, 2)
+
+    later = steps()
+    undo = memory.restore()
+    try:
+        first = steps()
+    finally:
+        undo()
+    if np.array_equal(first, later, equal_nan=True):
+        return ""
+    return f"{_NOT_DETERMINISTIC} something from its first call ({'; '.join(changes)})"
 
 
 def _python_steps(

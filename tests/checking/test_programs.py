@@ -2,121 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
-
-import numpy as np
 import pytest
-from trajectory_writing import WRITERS, finding
+from trajectory_writing import finding
+from written_programs import Program, kutta3, midpoint
 
 from ropeode import InextensibleRope, Rope, grade, reference
 
-FRAMES, STEPS = 4, (16, 32, 64)
-
-
-@dataclasses.dataclass
-class Program:
-    """A rope as in a game: loops that share nothing with the package."""
-
-    problem: object
-    method: str = "semi-implicit"
-    gravity: float = 1.0
-    gravity_times_dt: bool = False
-    push: bool = False
-    one_sided: bool = False
-    forces: float = 1.0
-    damping: float = 1.0
-    dashpot: float = 0.0
-    drag_per_spring: float = 0.0
-    kept: float = 1.0
-    adds_up: bool = False
-    rested: tuple[int, ...] = ()
-    single_length: bool = False
-    starts: str = "given"
-    counts_by_time: bool = False
-    exact_damping: bool = False
-
-    def acceleration(self, x, v, dt):
-        args = self.problem.args
-        force = -self.damping * args.damping[:, None] * v
-        if hasattr(args, "stiffness"):
-            for i, (k, rest) in enumerate(zip(args.stiffness, args.rest_length, strict=True)):
-                d = x[i + 1] - x[i]
-                length = np.hypot(*d)
-                if self.single_length:
-                    length = float(np.float32(length))
-                pull = (-1 if self.push else 1) * k * (length - rest) * d / length
-                pull = pull + self.dashpot * ((v[i + 1] - v[i]) @ d) * d / length**2
-                force[i] += pull - self.drag_per_spring * v[i]
-                force[i + 1] -= self.drag_per_spring * v[i + 1]
-                if not self.one_sided:
-                    force[i + 1] -= pull
-        force *= self.forces
-        if self.adds_up:
-            force = self.before = force + self.before
-        gravity = self.gravity * args.gravity.reshape(-1) * (dt if self.gravity_times_dt else 1)
-        free = args.free.copy()
-        free[list(self.rested)] = 0
-        return free[:, None] * (force / args.mass[:, None] + gravity)
-
-    def run(self, n):
-        """Positions and velocities at the frames, ``(times, nodes, 4)``."""
-        dt, (x, v) = 1 / n, (each.T.copy() for each in self.problem.y0)
-        self.before = np.zeros_like(x)
-        last = x if self.starts == "rest" else x - dt * v
-        if self.starts == "taylor":
-            last = last + dt * dt / 2 * self.acceleration(x, v, dt)
-        samples, t = [np.hstack([x, v])], 0.0
-        for frame in range(1, self.problem.frames + 1):
-            made = 0
-            while (t < frame) if self.counts_by_time else (made < n):
-                t, made = t + dt, made + 1
-                if self.method == "verlet":
-                    if not hasattr(self.problem.args, "stiffness"):
-                        x = self.restored(x)
-                    a = self.acceleration(x, (x - last) / dt, dt)
-                    x, last = x + self.kept * (x - last) + dt * dt * a, x
-                    v = (x - last) / dt
-                elif self.method == "semi-implicit":
-                    if self.exact_damping:
-                        args = self.problem.args
-                        v = np.exp(-args.damping * dt / args.mass)[:, None] * v
-                    v = self.kept * v + dt * self.acceleration(x, v, dt)
-                    x = x + dt * v
-                elif self.method == "kutta3":
-                    first = self.acceleration(x, v, dt)
-                    half = v + dt / 2 * first
-                    second = self.acceleration(x + dt / 2 * v, half, dt)
-                    end = v + dt * (2 * second - first)
-                    third = self.acceleration(x + dt * (2 * half - v), end, dt)
-                    x = x + dt / 6 * (v + 4 * half + end)
-                    v = v + dt / 6 * (first + 4 * second + third)
-                elif self.method == "midpoint":
-                    half = v + dt / 2 * self.acceleration(x, v, dt)
-                    x, v = x + dt * half, v + dt * self.acceleration(x + dt / 2 * v, half, dt)
-            samples.append(np.hstack([x, v]))
-        return np.array(samples)
-
-    def restored(self, x):
-        x, free = x.copy(), self.problem.args.free
-        for i, rest in enumerate(self.problem.args.rest_length):
-            d = x[i + 1] - x[i]
-            excess = d * (1 - rest / np.hypot(*d)) / (free[i] + free[i + 1])
-            x[i] += free[i] * excess
-            x[i + 1] -= free[i + 1] * excess
-        return x
-
-    def files(self, folder, steps=STEPS, columns=4, **how):
-        with np.errstate(all="ignore"):
-            return [
-                WRITERS[".csv"](
-                    folder / f"{n}.csv",
-                    range(FRAMES + 1),
-                    self.run(n)[:, :, :columns],
-                    1 / n,
-                    **how,
-                )
-                for n in steps
-            ]
+FRAMES = 4
 
 
 SPRINGS = {"num_nodes": 5, "end": (-100.0, 150.0), "stiffness": 90.0}
@@ -144,7 +36,7 @@ MISTAKES = [
     ("moving", {"kept": 0.999}, "damping-per-step", "keeps 0.999 of"),
     ("rigid", {"method": "verlet", "kept": 0.9995}, "damping-per-step", "keeps 0.9995 of"),
     ("rigid", {"method": "verlet", "gravity": 9.8}, "parameters", "gravity is 9.8 times"),
-    ("moving", {"method": "midpoint", "gravity": -1.0}, "parameters", "the wrong sign"),
+    ("moving", {"method": midpoint, "gravity": -1.0}, "parameters", "the wrong sign"),
     ("moving", {"gravity_times_dt": True}, "step-size", "gravity is multiplied by dt once more"),
     ("moving", {"push": True}, "parameters", "springs push"),
     ("moving", {"one_sided": True}, "parameters", "do not pull at the node behind"),
@@ -190,7 +82,7 @@ def test_a_node_that_never_moves_hides_no_other_mistake(known, tmp_path):
     [
         ({}, "%.17g"),
         ({}, "%.9g"),
-        ({"method": "midpoint"}, "%.17g"),
+        ({"method": midpoint}, "%.17g"),
         ({"method": "verlet"}, "%.17g"),
     ],
 )
@@ -219,7 +111,7 @@ def test_a_damping_that_is_missing_is_no_tiny_one(tmp_path):
 
 def test_lengths_in_single_precision_refute_nothing(tmp_path):
     long = reference(Rope(num_nodes=5, end=(-8e4, 150.0), stiffness=90.0).problem(FRAMES))
-    program = Program(long.problem, method="midpoint", single_length=True)
+    program = Program(long.problem, method=midpoint, single_length=True)
     files = program.files(tmp_path, (128, 256, 512))
     report = grade(files, long, expected_order=2)
     assert report.verdict != "wrong"
@@ -228,7 +120,7 @@ def test_lengths_in_single_precision_refute_nothing(tmp_path):
 
 @pytest.mark.parametrize("digits", ["%.6g", "%.7g"])
 def test_few_digits_are_no_mistake(known, tmp_path, digits):
-    program = Program(known["moving"].problem, method="midpoint")
+    program = Program(known["moving"].problem, method=midpoint)
     report = grade(program.files(tmp_path, digits=digits), known["moving"], expected_order=2)
     assert "single precision" not in finding(report).line
     assert not report.diagnosis
@@ -255,7 +147,7 @@ OTHER_TERMS = {
 )
 def test_terms_of_a_method_that_is_not_known_are_named(known, tmp_path, words):
     """Its runs tend to a limit, to which the terms are fitted."""
-    program = Program(known["moving"].problem, method="kutta3", **OTHER_TERMS[words])
+    program = Program(known["moving"].problem, method=kutta3, **OTHER_TERMS[words])
     files = program.files(tmp_path, (32, 48, 64, 96))
     (diagnosis,) = grade(files, known["moving"], expected_order=3).diagnosis
     assert diagnosis.cause == "parameters"

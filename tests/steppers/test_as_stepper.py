@@ -165,6 +165,32 @@ def test_hidden_state_is_refused_with_a_way_out():
         assert template("two-step") in str(raised.value)
 
 
+def first_of(**how):
+    """A step that takes one thing from its first call, or a copy of each by what it is."""
+    kept = {}
+
+    def step(acceleration, t, x, v, dt, args):
+        if how["what"] == "dt":
+            h = kept.setdefault(dt if how["each"] else None, dt)
+            v = v + h * acceleration(t, x, v, args)
+        else:
+            key = tuple(np.asarray(args.mass)) if how["each"] else None
+            mass = kept.setdefault(key, np.array(args.mass))
+            v = v + dt * acceleration(t, x, v, args._replace(mass=mass))
+        return x + dt * v, v
+
+    return step
+
+
+@pytest.mark.parametrize("what", ["dt", "mass"])
+def test_what_is_kept_from_the_first_call_is_found(what):
+    """A memo that tells calls apart is none of it."""
+    with pytest.raises(UserCodeError, match=r"from its first call \(closure variable `kept"):
+        simulate(PROBLEM, first_of(what=what, each=False), 8)
+    right = simulate(PROBLEM, first_of(what=what, each=True), 8).states
+    assert np.allclose(right, simulate(PROBLEM, "semi-implicit-euler", 8).states, atol=1e-9)
+
+
 def test_files(tmp_path):
     file = tmp_path / "mine.py"
     code = "def step(rhs, t, y, dt, args):\n    return y + dt * rhs(t, y, args)\n"
