@@ -178,7 +178,8 @@ def _changed(program: Program, mass: float) -> tuple[str, str, str]:
 def _by_power(program: Program, value: float, exponent: float) -> tuple[str, str, str]:
     term = TERMS[program.changed[0]]
     name = term.name
-    if exponent == 0.0 and program.changed == ("forces",):
+    # Without any force there is no mass.
+    if exponent == 0.0 and program.changed == ("forces",) and value != 0.0:
         words = (
             f"{name} is {value:g} times what it should be, as with {1 / value:.4g} times the mass"
         )
