@@ -48,6 +48,7 @@ from tabulate import tabulate
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.adversaries import ADVERSARIES
+from benchmarks.outcomes import lines_in
 from ropeode import reference
 from ropeode.cache import set_up_jax
 from ropeode.errors import ReferenceRefused
@@ -508,13 +509,9 @@ def outcomes(
 
 
 def already_known(out: Path, seed: int, trials: list[Trial]) -> dict[int, Outcome]:
-    """The outcomes in the file; a line that was cut off does not count."""
+    """The outcomes in the file of trials, by their index."""
     known = {}
-    for line in out.read_text().splitlines() if out.exists() else ():
-        try:
-            outcome = Outcome(**json.loads(line))
-        except json.JSONDecodeError:
-            continue
+    for outcome in (Outcome(**line) for line in lines_in(out)):
         if outcome.seed != seed:
             raise SystemExit(f"{out} has trials of seed {outcome.seed}; give another --out")
         known[outcome.index] = outcome

@@ -30,6 +30,7 @@ from tabulate import tabulate
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from benchmarks.outcomes import lines_in
 from ropeode.checking import CHECKS
 from tests.checking.random_ropes import findings, ropes, tried_once
 from tests.checking.right_steppers import RIGHT
@@ -60,13 +61,9 @@ def checked(seed: int, index: int) -> dict[str, Any]:
 
 
 def outcomes(out: Path, seed: int) -> dict[int, dict[str, Any]]:
-    """The outcomes in the file; a line that was cut off does not count."""
+    """The outcomes in the file, by their index."""
     record = {}
-    for text in out.read_text().splitlines() if out.exists() else ():
-        try:
-            line = json.loads(text)
-        except json.JSONDecodeError:
-            continue
+    for line in lines_in(out):
         if line["seed"] != seed:
             raise SystemExit(f"{out} has ropes of seed {line['seed']}; give another --out")
         record[line["index"]] = line

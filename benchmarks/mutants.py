@@ -26,22 +26,11 @@ from tabulate import tabulate
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from benchmarks.outcomes import lines_in
 from ropeode.checking import CHECKS, SLOW
 from tests.checking.mutants.all import LOOPS, MUTANTS, REFUSED, SURVIVORS, rejected_by
 
 Record = dict[str, dict[str, Any]]
-
-
-def outcomes(out: Path) -> Record:
-    """The outcomes in the file; a line that was cut off does not count."""
-    record = {}
-    for text in out.read_text().splitlines() if out.exists() else ():
-        try:
-            line = json.loads(text)
-        except json.JSONDecodeError:
-            continue
-        record[line["name"]] = line
-    return record
 
 
 def families(record: Record) -> str:
@@ -128,7 +117,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1, help="of the sample (default 1)")
     parser.add_argument("--show", choices=list(SHOWN), help="a table; nothing is checked")
     options = parser.parse_args()
-    record = outcomes(options.out)
+    record = {line["name"]: line for line in lines_in(options.out)}
     if options.show:
         print(SHOWN[options.show]({name: record[name] for name in MUTANTS if name in record}))
         return

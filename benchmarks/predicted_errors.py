@@ -30,6 +30,7 @@ from tabulate import tabulate
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from benchmarks.outcomes import lines_in
 from ropeode import reference, simulate
 from ropeode.analysis import differences, in_other_units, least_clear_error, round_off
 from ropeode.norms import norm_for
@@ -166,25 +167,13 @@ def largest(states: np.ndarray) -> float:
     return float(np.max(np.abs(states)))
 
 
-def outcomes(out: Path) -> dict[tuple[str, str], dict[str, Any]]:
-    """The outcomes in the file; a line that was cut off does not count."""
-    record = {}
-    for text in out.read_text().splitlines() if out.exists() else ():
-        try:
-            line = json.loads(text)
-        except json.JSONDecodeError:
-            continue
-        record[line["problem"], line["stepper"]] = line
-    return record
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, required=True, help="file of outcomes, *.jsonl")
     parser.add_argument("--show", action="store_true", help="the result; nothing is run")
     parser.add_argument("--only", nargs="*", default=list(PROBLEMS), help="names of problems")
     options = parser.parse_args()
-    record = outcomes(options.out)
+    record = {(line["problem"], line["stepper"]): line for line in lines_in(options.out)}
     if not options.show:
         with options.out.open("a") as file:
             for name, stepper in pairs():

@@ -1,13 +1,12 @@
 """What `ropeode grade` says of programs as people write them, with one mistake or none.
 
     python benchmarks/programs.py --out docs/data/programs.jsonl
-    python benchmarks/programs.py --out again.jsonl --only verlet
+    python benchmarks/programs.py --out again.jsonl --only Verlet
     python benchmarks/programs.py --out docs/data/programs.jsonl --show
 
 The programs are loops of tests/checking/written_programs.py, which share nothing with the package.
 They solve the ropes of the well-known assignment for 20 frames. What is in the file already is
-not graded again. `--show` prints the table of docs/validation/programs.md. Half an hour on two
-cores.
+not graded again. `--show` prints the table of docs/validation/programs.md.
 """
 
 from __future__ import annotations
@@ -27,6 +26,7 @@ from tabulate import tabulate
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from benchmarks.outcomes import lines_in
 from ropeode import InextensibleRope, Rope, grade, reference
 from ropeode.errors import InputError
 from tests.checking.written_programs import Program, explicit, kick_drift_kick, rk4
@@ -109,7 +109,9 @@ def graded(case: Case, truth: Any) -> dict[str, Any]:
         try:
             report = grade(files, truth, expected_order=case.order)
         except InputError as error:
-            said = {"verdict": "refused", "order": str(error), "diagnosis": []}
+            # Where the files lie is of no interest.
+            line = str(error).replace(f"{folder}/", "")
+            said = {"verdict": "refused", "order": line, "diagnosis": []}
         else:
             lines = [each.line for each in report.findings if each.check == "order"]
             causes = [[each.cause, each.line, each.remedy] for each in report.diagnosis]
@@ -137,8 +139,7 @@ def main() -> None:
     parser.add_argument("--only", default="", help="programs whose words have this in them")
     parser.add_argument("--show", action="store_true", help="the table; nothing is graded")
     options = parser.parse_args()
-    lines = options.out.read_text().splitlines() if options.out.exists() else []
-    record = {line["name"]: line for line in map(json.loads, lines)}
+    record = {line["name"]: line for line in lines_in(options.out)}
     if options.show:
         print(shown({case.does: record[case.does] for case in CASES if case.does in record}))
         return
