@@ -139,14 +139,8 @@ def _tried(stepper: Stepper, problem: Problem) -> Trial:
             # It must not be traced: it would keep a tracer.
             hidden = _hidden_state(memory.changes())
             return Trial(False, hidden, finite, side_effects, asks_for_forces)
-        if changes := memory.changes():
-            try:
-                hidden = on_user_clock(_first_seen, stepper, problem, memory, changes)
-            except RopeodeError:
-                # The other problem cannot be made or solved, which nobody asked for.
-                hidden = ""
-            if hidden:
-                return Trial(False, hidden, finite, side_effects, asks_for_forces)
+        if hidden := on_user_clock(_first_seen, stepper, problem, memory):
+            return Trial(False, hidden, finite, side_effects, asks_for_forces)
         loops, fast = _compiled_steps(stepper, problem, t, dt)
         steps = _STEPS_WITH_LOOPS if loops else _STEPS
         quick = None if fast is None else fast(steps)
@@ -169,25 +163,32 @@ def _hidden_state(changes: Sequence[str]) -> str:
     return f"{_NOT_DETERMINISTIC} hidden state ({'; '.join(changes)})" if changes else HIDDEN_STATE
 
 
-def _first_seen(stepper: Stepper, problem: Problem, memory: Memory, changes: Sequence[str]) -> str:
+def _first_seen(stepper: Stepper, problem: Problem, memory: Memory) -> str:
     """How its steps depend on the problem and step size that it saw first; empty if they do not.
 
-    On another problem, with another step size, it steps once as it is and once with the memory that
-    it had before it saw any.
+    If something changed in its memory, it steps on another problem, with another step size: once as
+    it is, and once with the memory that it had before it saw any.
     """
-    args = jax.tree.map(lambda leaf: _OTHER * leaf, problem.args)
-    other = problem.changed(y0=_OTHER * problem.y0, args=args, exact=None)
-    t, dt = float(other.ts[0]), float(frame_lengths(other)[0]) * _OTHER * _FRACTION
+    changes = memory.changes()
+    if not changes:
+        return ""
 
     def steps() -> np.ndarray:
         return _python_steps(PythonStepper(other, stepper), t, dt, 2)
 
-    later = steps()
-    undo = memory.restore()
     try:
-        first = steps()
-    finally:
-        undo()
+        args = jax.tree.map(lambda leaf: _OTHER * leaf, problem.args)
+        other = problem.changed(y0=_OTHER * problem.y0, args=args, exact=None)
+        t, dt = float(other.ts[0]), float(frame_lengths(other)[0]) * _OTHER * _FRACTION
+        later = steps()
+        undo = memory.restore()
+        try:
+            first = steps()
+        finally:
+            undo()
+    except RopeodeError:
+        # The other problem cannot be made or solved, which nobody asked for.
+        return ""
     if np.array_equal(first, later, equal_nan=True):
         return ""
     return f"{_NOT_DETERMINISTIC} something from its first call ({'; '.join(changes)})"
