@@ -21,6 +21,7 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from matplotlib.ticker import MultipleLocator
 
 from docs.studies.growth import growth_scan
@@ -78,9 +79,8 @@ def slide(figure: Figure, title: str) -> Figure:
         legend.remove()
         shown = [(h, narrow(text)) for h, text in zip(handles, texts, strict=True) if text]
         figure.legend(*zip(*shown, strict=True), loc="outside right center", handlelength=1.6)
-    for legend in filter(None, (axes.get_legend() for axes in figure.axes)):
-        for text in legend.get_texts():
-            text.set_fontsize(STYLE["legend.fontsize"])
+    for text in figure.findobj(Text):
+        text.set_fontsize(max(text.get_fontsize(), STYLE["legend.fontsize"]))
     return figure
 
 
