@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from ropeode.analysis import UNSOLVED
@@ -167,7 +168,7 @@ def _errors_grid(convergence: Convergence) -> Grid:
         (
             f"{dt:.4g}",
             *(_error(convergence, q, i) for q in quantities),
-            "; ".join(filter(None, (_left_out(convergence, q, dt) for q in quantities))),
+            _not_used({q: _left_out(convergence, q, dt) for q in quantities}),
         )
         for i, dt in enumerate(convergence.dts)
     ]
@@ -175,6 +176,13 @@ def _errors_grid(convergence: Convergence) -> Grid:
     if not any(run[-1] for run in runs):
         headers, runs = headers[:-1], [run[:-1] for run in runs]
     return Grid(headers, runs, left=frozenset({1 + len(quantities)}))
+
+
+def _not_used(reasons: Mapping[str, str]) -> str:
+    """Once where it is the same for all quantities."""
+    if len({*reasons.values()}) == 1:
+        return next(iter(reasons.values()))
+    return "; ".join(f"{why} ({quantity})" for quantity, why in reasons.items() if why)
 
 
 def _error(convergence: Convergence, quantity: str, i: int) -> str:

@@ -25,7 +25,7 @@ table { border-collapse: collapse; display: block; font-variant-numeric: tabular
   margin: 1rem 0; max-width: 100%; overflow-x: auto; width: fit-content }
 th, td { padding: .2rem .7rem; border-bottom: 1px solid #ccc; vertical-align: top }
 td:not(.long) { white-space: nowrap }
-td.long { min-width: 10rem }
+td.long:not(:empty) { min-width: 10rem }
 thead th, thead td { border-bottom: 2px solid #444 }
 svg { max-width: 100%; height: auto }
 pre { overflow-x: auto }
