@@ -38,7 +38,7 @@ _WIDE = 0.4
 _BOUND, _ROUNDING = 3.0, 30.0
 # Steps per frame: the coarsest, their ratio, how many runs at least, and the finest.
 _COARSEST, _RATIO, _LEVELS, _MOST_STEPS = 6, 1.5, 8, 2000
-_PLURAL = {"position": "positions", "velocity": "velocities", "state": "states"}
+PLURAL = {"position": "positions", "velocity": "velocities", "state": "states"}
 # The ratio for high orders, whose errors soon fall below what a reference can resolve.
 _CLOSE = 1.2
 
@@ -184,7 +184,7 @@ def convergence_finding(check: str, convergence: Convergence) -> Finding:
     expected, limits = convergence.expected, convergence.limits
     wrong, words, determined = False, [], True
     for quantity, order in convergence.orders.items():
-        finest, them = convergence.errors[quantity][-1], _PLURAL[quantity]
+        finest, them = convergence.errors[quantity][-1], PLURAL[quantity]
         if {point.reason for point in order.left_out} == {UNRESOLVED} and not order.used:
             least = f"below {convergence.resolution[quantity]:.1e}"
             words.append(f"{them} as exact as the reference: errors {least} at every dt")
@@ -201,7 +201,7 @@ def convergence_finding(check: str, convergence: Convergence) -> Finding:
             wrong |= expected is not None and high < expected - ORDER_TOLERANCE
     for quantity, (off, allowed) in limits.items():
         if off > allowed:
-            words.append(f"wrong limit of {_PLURAL[quantity]}: off by {off:.1e} (± {allowed:.0e})")
+            words.append(f"wrong limit of {PLURAL[quantity]}: off by {off:.1e} (± {allowed:.0e})")
             wrong = True
     line = "; ".join(words)
     if expected is not None:

@@ -465,8 +465,11 @@ def _named(program: Program, problem: Problem, fixed: tuple[int, ...]) -> Progra
 
 def fixed_nodes(problem: Problem, runs: Runs, truth: np.ndarray) -> tuple[int, ...]:
     """The nodes that should move, and do so in no run; arguments as for `programs_of`."""
-    still = [np.all(states[:, 0] == states[0, 0], axis=(0, 1)) for _, states in runs]
-    way = np.max(np.abs(truth[:, 0] - truth[0, 0]), axis=(0, 1))
+    if problem.mechanics is None:
+        return ()
+    places = [problem.positions(states) for states in (truth, *(states for _, states in runs))]
+    ways = np.array([np.max(np.abs(each - each[0]), axis=(0, 2)) for each in places])
+    way, still = ways[0], ways[1:] == 0.0
     moves = way > _STILL * np.max(way)
     return tuple(np.flatnonzero(np.all(still, axis=0) & moves).tolist())
 

@@ -168,7 +168,7 @@ def _holding(states: np.ndarray, runs: Sequence[Run], quantity: str, after: int)
         Held(source, axes, (), reverse=reverse)
         for source in problem.quantities
         for axes in orders
-        for reverse in (False, True)
+        for reverse in ((False, True) if runs[0].layout.nodes > 1 else (False,))
     ]
     mass = np.ravel(getattr(problem.args, "mass", ()))
     if problem.mechanics is not None and len(mass) == runs[0].layout.nodes and np.ptp(mass):

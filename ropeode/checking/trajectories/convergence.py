@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import math
 from collections.abc import Callable, Sequence
 from operator import attrgetter
 
@@ -23,7 +24,12 @@ from ropeode.analysis import (
     observed_order,
     resolution,
 )
-from ropeode.checking.convergence import convergence_finding, converging, finest_is_unstable
+from ropeode.checking.convergence import (
+    PLURAL,
+    convergence_finding,
+    converging,
+    finest_is_unstable,
+)
 from ropeode.checking.report import Convergence, Finding
 from ropeode.checking.trajectories.coarse_steps import by_coarse_steps
 from ropeode.checking.trajectories.layout import states_of
@@ -31,7 +37,7 @@ from ropeode.checking.trajectories.run_files import Run, finite
 from ropeode.checking.written_precision import digits_of, single_precision
 from ropeode.norms import NORMS, Norm
 from ropeode.precision import in_float64
-from ropeode.references import Reference
+from ropeode.references import Reference, time_derivatives
 
 # Errors below 30 times the round-off are left out; for the largest possible round-off, three times
 # are enough.
@@ -47,6 +53,10 @@ _CERTAINLY = 10.0
 _MOST = 16.0
 # States of the reference at which the rate is taken, and products with the Jacobian there.
 _STATES, _PRODUCTS = 16, 64
+# Without a claim, methods of so high an order may be exact. A derivative is zero if its term of a
+# Taylor series over the whole time is this part of the motion. An error would be seen that is so
+# many times the largest rounding.
+_HIGHEST, _VANISHING, _SEEN = 4, 1e-9, 1e3
 # Over a few frames coarse runs are hardly asymptotic; a wider interval says nothing of an order.
 _WIDEST = 1.0
 
@@ -99,6 +109,16 @@ def order_finding(
     if not single and _is_right(finding):
         return finding, ()
     careful = observe(worst)
+    if not single and (exact := _exact(reference, careful)):
+        rest = dataclasses.replace(
+            as_written,
+            orders={name: each for name, each in as_written.orders.items() if name not in exact},
+            limits={name: each for name, each in as_written.limits.items() if name not in exact},
+        )
+        others = convergence_finding("order", rest)
+        if _is_right(others):
+            line = "; ".join([*exact.values(), others.line] if rest.orders else exact.values())
+            return dataclasses.replace(others, line=line, convergence=careful), ()
     if single:
         careful = by_coarse_steps(lambda count: observe(written, runs[:count]), careful, _SHARE)
     finding = convergence_finding("order", careful)
@@ -150,6 +170,37 @@ def _round_off(run: Run, reference: Reference) -> np.ndarray:
     columns = np.full(run.values.shape[2], of_rate)
     columns[: run.layout.dim] *= span
     return columns
+
+
+def _exact(reference: Reference, careful: Convergence) -> dict[str, str]:
+    """Words for each quantity in which the runs are exact, but for rounding.
+
+    That says something only where methods of lower order would have errors that can be seen: those
+    of order q have errors of about ``T dt^q y^(q+1)/(q+1)!``. On a solution that is a polynomial in
+    time, such as a parabola, a method of high order has none.
+    """
+    problem, dt, found = reference.problem, max(careful.dts), {}
+    ts, highest = problem.ts[: reference.trusted], careful.expected or _HIGHEST
+    for name, errors in careful.errors.items():
+        least = careful.resolution[name]
+        largest = np.maximum(np.array(careful.rounding[name]) / _SHARE, least)
+        off = np.array(errors, dtype=np.float64)  # Not-a-number for a run that diverged.
+        if not np.all(off <= largest):
+            continue
+        motion, span = moved(reference, NORMS[f"{name}-max"]), float(ts[-1] - ts[0])
+        derivatives = time_derivatives(problem, ts, reference.states[: len(ts)], highest + 1)
+        for order in range(derivatives.shape[1] - 1):
+            values = problem.quantity(name, derivatives[:, order + 1])
+            size = float(np.max(np.abs(values))) * span / math.factorial(order + 1)
+            vanishes = size * span**order <= _VANISHING * motion
+            seen = size * dt**order > _SEEN * largest[0]
+            if order and (vanishes or (seen and order == careful.expected)):
+                words = f"errors of rounding, at most {np.max(off):.1e}, at every dt"
+                solution = f"exact on this problem: {words}" if vanishes else words
+                found[name] = f"{PLURAL[name]} {solution}"
+            if vanishes or not seen:
+                break
+    return found
 
 
 def _is_right(finding: Finding) -> bool:
