@@ -43,7 +43,7 @@ class Numbers(NamedTuple):
 
 
 class Ensemble(Displayed, Sequence[Problem]):
-    """Problems that share functions, shapes and sample times; each is a member.
+    """Problems that share functions, shapes, sample times and jump times; each is a member.
 
     Made by `Ensemble.of` from problems, or, which is much faster, by `Rope.ensemble` from arrays
     of parameters or by `Ensemble.varying` from arrays of initial states or arguments. A member
@@ -250,18 +250,22 @@ def same_problem(problem: Problem, other: Problem) -> bool:
     for each in (problem, other):
         each.require_equations()
     numbers = [jax.tree.leaves((each.y0, each.args)) for each in (problem, other)]
-    return family_of(problem) == family_of(other) and all(map(np.array_equal, *numbers))
+    # Declared jumps say how a solution is computed, and not which one it is.
+    same = family_of(problem)[:-1] == family_of(other)[:-1]
+    return same and all(map(np.array_equal, *numbers))
 
 
 def family_of(problem: Problem) -> tuple[Hashable, ...]:
     """What the members of an ensemble share: equal where `Ensemble.of` takes two together."""
     shapes = _shapes((problem.y0, problem.args))
-    return problem.rhs, problem.mechanics, problem.structure, shapes, problem.ts.tobytes()
+    times = problem.ts.tobytes(), problem.jump_times
+    return problem.rhs, problem.mechanics, problem.structure, shapes, *times
 
 
 def _difference(problem: Problem, first: Problem) -> str | None:
     """In what, besides numbers, a problem differs from the first; None if in nothing."""
-    names = ("right-hand sides", "right-hand sides", "states", "shapes", "sample times")
+    equations = "right-hand sides"
+    names = (equations, equations, "states", "shapes", "sample times", "jump times")
     pairs = zip(names, family_of(problem), family_of(first), strict=True)
     return next((name for name, own, its in pairs if own != its), None)
 

@@ -117,7 +117,7 @@ class Problem(Displayed):
         name: one word or two, for tables.
         energy: ``energy(t, y, args)`` in JAX, if there is one.
         exact: ``exact(ts)`` gives the exact states, shape ``(times, *y0.shape)``, in NumPy.
-        jump_times: times inside the span at which `rhs` jumps.
+        jump_times: times inside the span at which `rhs` jumps. Steps end there.
         constraints: ``constraints(t, y, args)`` in JAX gives, for some of `quantities`, what
             is zero along each solution, in the units of the quantity.
         parameters: from which the library builds the problem, as plain JSON values; for a rope

@@ -1,4 +1,5 @@
 from .jax_stepper import JaxStepper as JaxStepper
+from .jumps import intervals as intervals
 from .method import Method as Method
 from .method import method_of as method_of
 from .python_driver import PythonStepper as PythonStepper

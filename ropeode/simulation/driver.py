@@ -12,6 +12,7 @@ import numpy as np
 from jax.extend.core import get_opaque_trace_state
 
 from ropeode.cache import Source
+from ropeode.simulation.jumps import between_jumps
 from ropeode.simulation.kernel_fusion import in_one_kernel
 from ropeode.simulation.method import Family
 from ropeode.simulation.system import is_turned, positions_last, stored, system
@@ -123,7 +124,7 @@ class _Methods:
         self._turned = is_turned(stepper, family.mechanics)
         self.init = self._on_blocks(stepper.init)
         self.step = self._on_blocks(stepper.step)
-        self.state = self._on_blocks(stepper.state)
+        self.state = self._on_blocks(stepper.state, ahead=-0.5)
         self._iterations = self._on_blocks(lambda _, t, carried, dt: self._said_of(carried))
 
     def _said_of(self, carried: Any) -> Iterations:
@@ -165,7 +166,8 @@ class _Methods:
         known = self._counts_loops or not self._looped
         return (to_start, per_step, per_sample) if known else None, carried
 
-    def _on_blocks(self, method: Callable) -> Callable:
+    def _on_blocks(self, method: Callable, ahead: float = 0.5) -> Callable:
+        """A method on blocks, which is called so many steps before the middle of its step."""
         family = self._family
 
         def on_one(args: Any, t: Any, y: Any, dt: Any) -> Any:
@@ -173,6 +175,8 @@ class _Methods:
             outside = get_opaque_trace_state()
 
             def counted(function: Callable) -> Callable:
+                function = between_jumps(family.sides, t + ahead * dt, function)
+
                 def call(t: Any, state: Any, *others: Any) -> Any:
                     inside = get_opaque_trace_state() != outside
                     self._calls += not inside

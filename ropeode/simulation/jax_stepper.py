@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike
 from ropeode.display import Displayed
 from ropeode.precision import in_float64
 from ropeode.problems import Problem, require_problem
+from ropeode.simulation.jumps import intervals, sides
 from ropeode.simulation.method import Method, method_of
 from ropeode.simulation.system import on_stored_states
-from ropeode.simulation.trajectory import frame_lengths
 from ropeode.validation import bad_value, check_whole
 
 
@@ -26,7 +26,8 @@ class JaxStepper(Displayed):
     ``jax.config.update("jax_enable_x64", True)``. States `y` are as in ``problem.y0``, and
     `args` as in ``problem.args``; either may be traced. Steps of an own loop are
     ``carried = init(t, y, dt, args)``, then ``carried = step(t, carried, dt, args)`` for each
-    ``t``, and ``state(t, carried, dt, args)`` where a state is needed.
+    ``t``, and ``state(t, carried, dt, args)`` where a state is needed. At the problem's jump times
+    a step should end, and `init` begin the next one.
 
     A stepper that iterates until it has converged, such as rattle, can be differentiated forwards
     only (`jax.jvp`, `jax.jacfwd`), and one of diffrax backwards only (`jax.grad`, `jax.jacrev`).
@@ -67,8 +68,8 @@ class JaxStepper(Displayed):
         """The states at the problem's sample times, as `simulate` computes them.
 
         Arguments:
-            steps_per_frame: equal steps in each interval between sample times; a whole number that
-                is not traced.
+            steps_per_frame: equal steps in each interval between sample times, as in `simulate`; a
+                whole number that is not traced.
             y0: initial state, ``(*state,)``; by default the problem's.
             args: arguments of the right-hand side; by default the problem's.
 
@@ -92,21 +93,25 @@ class JaxStepper(Displayed):
         problem = self.problem
         start = jnp.asarray(problem.y0 if y0 is None else y0)
         own = problem.args if args is None else args
-        dts = frame_lengths(problem) / steps
+        times, lengths, fresh, samples = intervals(problem)
+        dts = lengths / steps
 
-        def frame(carried: Any, times: tuple) -> tuple:
-            t, end, dt = times
+        def interval(before: tuple, times: tuple) -> tuple:
+            (carried, y), (t, end, dt, fresh) = before, times
+            if problem.jump_times:
+                begun = init(own, t, y, dt)
+                carried = jax.tree.map(lambda new, old: jnp.where(fresh, new, old), begun, carried)
 
             def one_step(carried: Any, i: Any) -> tuple:
                 return step(own, t + i * dt, carried, dt), None
 
             carried, _ = jax.lax.scan(one_step, carried, jnp.arange(steps))
-            return carried, state(own, end, carried, dt)
+            y = state(own, end, carried, dt)
+            return (carried, y), y
 
-        ts = problem.ts
-        carried = init(own, ts[0], start, dts[0])
-        _, states = jax.lax.scan(frame, carried, (ts[:-1], ts[1:], dts))
-        return jnp.concatenate([start[None], states])
+        carried = init(own, times[0], start, dts[0])
+        _, states = jax.lax.scan(interval, (carried, start), (times[:-1], times[1:], dts, fresh))
+        return jnp.concatenate([start[None], states])[samples]
 
     def _functions(self) -> tuple:
         if not jax.config.jax_enable_x64:  # type: ignore[attr-defined]
@@ -117,7 +122,8 @@ class JaxStepper(Displayed):
                 "or order would be right",
                 "begin with jax.config.update('jax_enable_x64', True)",
             )
-        return on_stored_states(self.method.stepper, self.problem.rhs, self.problem.mechanics)
+        problem = self.problem
+        return on_stored_states(self.method.stepper, problem.rhs, problem.mechanics, sides(problem))
 
 
 @in_float64

@@ -11,6 +11,7 @@ import jax
 from ropeode.errors import UserCodeError
 from ropeode.precision import in_float64
 from ropeode.problems import Mechanics, Problem
+from ropeode.simulation.jumps import Sides
 from ropeode.simulation.layout import Layout
 from ropeode.simulation.system import on_stored_states
 from ropeode.simulation.trial import Trial, trial_of
@@ -42,6 +43,7 @@ class Family(NamedTuple):
         layout: of the runs in a block.
         y0: the initial state of a block.
         args_tree, args_leaves: the problem's arguments, for a block.
+        sides: of the problem.
     """
 
     method: Method
@@ -51,6 +53,7 @@ class Family(NamedTuple):
     y0: jax.ShapeDtypeStruct
     args_tree: Any
     args_leaves: tuple[jax.ShapeDtypeStruct, ...]
+    sides: Sides
 
 
 @in_float64

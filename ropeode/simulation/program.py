@@ -95,22 +95,24 @@ class Program:
             np.bool_(carried is None),
             self._nothing if carried is None else carried,
         )
-        return np.asarray(frames), np.asarray(states), Iterations(solved, jacobians), carried
+        said = Iterations(np.asarray(solved), np.asarray(jacobians))
+        return np.asarray(frames), np.asarray(states), said, carried
 
     def calls(
-        self, steps: int, frames: np.ndarray, jacobians: np.ndarray
+        self, steps: int, starts: np.ndarray, frames: np.ndarray, jacobians: np.ndarray
     ) -> tuple[np.ndarray | None, np.ndarray | None]:
         """How often runs evaluate the right-hand side and its Jacobian, if it is known.
 
         Arguments:
-            steps: in a frame.
-            frames: of each run, ``(runs,)``.
+            steps: in a frame, or a part of one between jumps.
+            starts: of the method in each run, ``(runs,)``.
+            frames: of each run, or such parts, ``(runs,)``.
             jacobians: that the stepper counted, each with the right-hand side, ``(runs,)``.
         """
         if self._evaluations is None:
             return None, None
         to_start, per_step, per_sample = self._evaluations
-        return to_start + (per_step * steps + per_sample) * frames + jacobians, jacobians
+        return to_start * starts + (per_step * steps + per_sample) * frames + jacobians, jacobians
 
     def take_compile_seconds(self) -> float:
         """The seconds that compiling took; 0 for every later use of the program."""
@@ -138,7 +140,7 @@ def _description(family: Family, capacity: int, blocks: int) -> str | None:
     of_problem = family.rhs, family.mechanics, family.y0, args
     # What is the user's has no description.
     with contextlib.suppress(TypeError):
-        return described((stepper, of_problem, family.layout, capacity, blocks))
+        return described((stepper, of_problem, family.sides, family.layout, capacity, blocks))
     return None
 
 

@@ -15,9 +15,10 @@ import numpy as np
 from ropeode.errors import UserCodeError, call_user_code
 from ropeode.problems import Problem
 from ropeode.progress import Progress
+from ropeode.simulation.jumps import between_jumps, intervals, sides
 from ropeode.simulation.system import as_seen, as_stored, is_turned, system
 from ropeode.simulation.time_needed import TimeNeeded
-from ropeode.simulation.trajectory import Iterations, frame_lengths
+from ropeode.simulation.trajectory import Iterations
 from ropeode.simulation.user_clock import on_user_clock
 from ropeode.steppers import Stepper, System
 
@@ -69,6 +70,7 @@ class PythonStepper:
         self.problem, self.calls = problem, 0
         self._stepper = stepper
         self._turned = is_turned(stepper, problem.mechanics)
+        self._sides, self._middle = sides(problem), float(problem.ts[0])
         self.system: System = system(
             problem.rhs,
             problem.mechanics,
@@ -83,7 +85,7 @@ class PythonStepper:
         @functools.wraps(function)
         def call(*given: Any) -> Any:
             self.calls += 1
-            return function(*given)
+            return between_jumps(self._sides, self._middle, function)(*given)
 
         return call
 
@@ -107,7 +109,7 @@ class PythonStepper:
 
     def state(self, t: float, carried: Any, dt: float) -> np.ndarray:
         """The state at time `t`, as the problem has it."""
-        y = self._called(self._stepper.state, t, carried, dt)
+        y = self._called(self._stepper.state, t, carried, dt, ahead=-0.5)
         if not self.system.mechanical:
             return np.asarray(y)
         halves = [np.asarray(half) for half in y]
@@ -118,7 +120,11 @@ class PythonStepper:
         jacobians = self._stepper.jacobian_evaluations(carried)
         return Iterations(bool(np.all(self._stepper.solved(carried))), int(jacobians or 0))
 
-    def _called(self, function: Callable, t: float, given: Any, dt: float) -> Any:
+    def _called(
+        self, function: Callable, t: float, given: Any, dt: float, ahead: float = 0.5
+    ) -> Any:
+        """Call a method, so many steps before the middle of its step."""
+        self._middle = t + ahead * dt
         return call_user_code("step", function, self.system, t, given, dt)
 
 
@@ -152,16 +158,23 @@ def run_in_python(
             something that is no state.
     """
     own = PythonStepper(problem, stepper)
-    ts, lengths = problem.ts.tolist(), frame_lengths(problem).tolist()
+    times, lengths, fresh, samples = (each.tolist() for each in intervals(problem))
     states = np.full((problem.frames + 1, *problem.y0.shape), np.nan)
 
     def run() -> tuple[int, Iterations]:
-        carried = own.init(ts[0], problem.y0, lengths[0] / steps_per_frame)
-        states[0], done, began = problem.y0, 0, time.perf_counter()
-        needed = TimeNeeded(longest, steps_per_frame, problem.frames)
-        for frame in range(problem.frames):
-            start, dt = ts[frame], lengths[frame] / steps_per_frame
+        y, carried, said = problem.y0, None, Iterations(True, 0)
+        states[0], frame, done, began = y, 0, 0, time.perf_counter()
+        needed = TimeNeeded(longest, steps_per_frame, len(lengths))
+
+        def iterations() -> Iterations:
+            return said.and_then(own.iterations(carried))
+
+        for each, length in enumerate(lengths):
+            start, dt = times[each], length / steps_per_frame
             try:
+                if fresh[each]:
+                    said = iterations() if each else said
+                    carried = own.init(start, y, dt)
                 for i in range(steps_per_frame):
                     carried = own.step(start + i * dt, carried, dt)
                     done += 1
@@ -170,16 +183,18 @@ def run_in_python(
                         now = time.perf_counter()
                         needed.tried(max(done // 2, 1), now - began)
                         began = now
-                y = own.state(ts[frame + 1], carried, dt)
+                y = own.state(times[each + 1], carried, dt)
             except UserCodeError:
                 if not _has_blown_up(carried, problem.scale):
                     raise
-                return frame + 1, own.iterations(carried)
-            progress(stepper.label, (frame + 1) / problem.frames)
+                return frame + 1, iterations()
+            progress(stepper.label, (each + 1) / len(lengths))
             if not np.all(np.isfinite(y)):
-                return frame + 1, own.iterations(carried)
-            states[frame + 1] = y
-        return problem.frames, own.iterations(carried)
+                return frame + 1, iterations()
+            if each + 1 == samples[frame + 1]:
+                frame += 1
+                states[frame] = y
+        return frame, iterations()
 
     with one_at_a_time(), np.errstate(all="ignore"):
         last, iterations = on_user_clock(run)

@@ -24,12 +24,13 @@ from ropeode.problems import (
     without_memory,
 )
 from ropeode.progress import Progress, bar, shows_progress
+from ropeode.simulation.jumps import intervals, sides
 from ropeode.simulation.layout import Layout
 from ropeode.simulation.method import Family, Method, method_of
 from ropeode.simulation.program import Program, program
 from ropeode.simulation.python_driver import run_in_python
 from ropeode.simulation.time_needed import LONGEST_S, TimeNeeded, check_longest
-from ropeode.simulation.trajectory import Iterations, Trajectories, Trajectory, frame_lengths
+from ropeode.simulation.trajectory import Iterations, Trajectories, Trajectory
 from ropeode.steppers import BuiltIn
 from ropeode.threads import cores, threads
 from ropeode.validation import check_kind, check_memory, check_whole
@@ -80,7 +81,8 @@ def simulate(
     Arguments:
         given: what to solve.
         stepper: whatever `ropeode.as_stepper` takes.
-        steps_per_frame: equal steps in each interval between sample times.
+        steps_per_frame: equal steps in each interval between sample times; as many in each part of
+            it if the right-hand side jumps inside.
         time_limit: seconds; a run that would take longer, as its first steps show, is refused.
         progress: called with the stepper's label and the fraction that is done.
 
@@ -237,7 +239,10 @@ class _Job(NamedTuple):
             states, reached, said = self._segments(made, y0, args, members, progress)
             seconds = time.perf_counter() - started
             frames, finite = _ends(states, reached)
-            calls, jacobians = made.calls(self.steps, frames, said.jacobians)
+            course = intervals(self.ensemble.first)
+            run = course.samples[frames]
+            starts = np.cumsum(course.fresh)[run - 1]
+            calls, jacobians = made.calls(self.steps, starts, run, said.jacobians)
         else:
             started, made = time.perf_counter(), None
             states, reached, calls, said = self._in_python(start, members, progress)
@@ -281,10 +286,11 @@ class _Job(NamedTuple):
         InputError: the run would take too long, as some of its first steps show.
         """
         first, count = self.ensemble.first, self.layout.blocks(members)
-        total, steps, start = self.steps * first.frames, _FEWEST_STEPS, first.ts[0]
-        needed = TimeNeeded(self.longest, self.steps, first.frames)
+        times, lengths, *_ = intervals(first)
+        total, steps, start = self.steps * len(lengths), _FEWEST_STEPS, times[0]
+        needed = TimeNeeded(self.longest, self.steps, len(lengths))
         while steps < _SHARE * total and not needed.known:
-            length = steps * (frame_lengths(first)[:1] / self.steps)
+            length = steps * (lengths[:1] / self.steps)
             began = time.perf_counter()
             made.run(y0, args, np.append(start, start + length), length, steps, None, count)
             if not needed.tried(steps, time.perf_counter() - began):
@@ -301,6 +307,7 @@ class _Job(NamedTuple):
             y0=jax.ShapeDtypeStruct(y0.shape[1:], y0.dtype),
             args_tree=tree,
             args_leaves=tuple(jax.ShapeDtypeStruct(leaf.shape[1:], leaf.dtype) for leaf in leaves),
+            sides=sides(first),
         )
         # Powers of two, and not the smallest, so that few programs serve all lengths.
         fit = min(max(_SEGMENT // y0.nbytes, 1), _MOST_FRAMES)
@@ -315,30 +322,35 @@ class _Job(NamedTuple):
     ) -> tuple[np.ndarray, np.ndarray, Iterations]:
         """States of the members, the last frame that the block of each was taken to, and more."""
         first, count = self.ensemble.first, self.layout.blocks(members)
-        ts, lengths = first.ts, frame_lengths(first)
-        states = np.empty((count, first.frames + 1, *y0.shape[1:]))
+        times, lengths, fresh, samples = intervals(first)
+        starts = np.append(np.flatnonzero(fresh), len(lengths))
+        states = np.full((count, len(times), *y0.shape[1:]), np.nan)
         states[:, 0] = y0[:count]
         reached = np.zeros(count, dtype=np.int64)
-        done, carried = 0, None
-        while done < first.frames and np.any(reached == done):
-            frames = min(made.capacity, first.frames - done)
-            ran, new, said, carried = made.run(
+        done, carried, before, said = 0, None, Iterations(True, 0), Iterations(True, 0)
+        while done < len(lengths) and np.any(reached == done):
+            if fresh[done] and done:
+                y0, carried, before = np.array(y0), None, said
+                y0[:count] = states[:, done]
+            until = min(done + made.capacity, starts[np.searchsorted(starts, done, side="right")])
+            ran, new, new_said, carried = made.run(
                 y0,
                 args,
-                ts[done : done + frames + 1],
-                lengths[done : done + frames],
+                times[done : until + 1],
+                lengths[done:until],
                 self.steps,
                 carried,
                 count,
             )
-            states[:, done + 1 : done + 1 + frames] = new[:count, :frames]
-            reached[reached == done] += ran[:count][reached == done]
-            done += frames
-            progress(self.method.stepper.label, done / first.frames)
-        for block in np.flatnonzero(reached < first.frames):
-            states[block, reached[block] + 1 :] = np.nan
-        states = self.layout.unfold(states, first.y0.shape, members)
+            said = before.and_then(new_said)
+            for block in np.flatnonzero(reached == done):
+                reached[block] += ran[block]
+                states[block, done + 1 : reached[block] + 1] = new[block, : ran[block]]
+            done = until
+            progress(self.method.stepper.label, done / len(lengths))
+        states = self.layout.unfold(states[:, samples], first.y0.shape, members)
         said = Iterations(*(np.asarray(each).reshape(-1)[:members] for each in said))
+        reached = np.searchsorted(samples, reached)
         return states, np.repeat(reached, self.layout.lanes)[:members], said
 
 

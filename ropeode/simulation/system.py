@@ -15,6 +15,7 @@ from jax.tree_util import Partial
 
 from ropeode.problems import Mechanics
 from ropeode.problems.links import LinearDamping
+from ropeode.simulation.jumps import Sides, between_jumps
 from ropeode.simulation.user_clock import on_user_clock
 from ropeode.steppers import Equations, Phase, Stepper, System
 from ropeode.validation import bad_value
@@ -45,7 +46,7 @@ def system(
 
     Arguments:
         rhs, mechanics, args: of the problem.
-        counted: wraps the function whose calls are to be counted.
+        counted: wraps the function whose calls are to be counted, or seen from one side of a jump.
         turned: whether positions are stored ``(dim, nodes)`` and seen as ``(nodes, dim)``.
         in_numpy: whether the functions take and return NumPy arrays.
     """
@@ -111,25 +112,28 @@ def as_stored(y: Any, mechanics: Mechanics | None, turned: bool) -> Any:
 
 
 def on_stored_states(
-    stepper: Stepper, rhs: Callable, mechanics: Mechanics | None
+    stepper: Stepper, rhs: Callable, mechanics: Mechanics | None, sides: Sides = ()
 ) -> tuple[Callable, Callable, Callable]:
     """`init`, `step` and `state` of a stepper, in JAX: ``(args, t, y or what is carried, dt)``.
 
-    `init` takes a state as the problem stores it, and `state` returns one.
+    `init` takes a state as the problem stores it, and `state` returns one. `sides` are those of
+    the problem where steps end on its jumps.
     """
     turned = is_turned(stepper, mechanics)
 
-    def bound(args: Any) -> System:
-        return system(rhs, mechanics, args, turned=turned)
+    def bound(args: Any, inside: Any) -> System:
+        own_side = functools.partial(between_jumps, sides, inside)
+        return system(rhs, mechanics, args, counted=own_side, turned=turned)
 
     def init(args: Any, t: Any, y: Any, dt: Any) -> Any:
-        return on_user_clock(stepper.init, bound(args), t, as_seen(y, mechanics, turned), dt)
+        own = bound(args, t + dt / 2)
+        return on_user_clock(stepper.init, own, t, as_seen(y, mechanics, turned), dt)
 
     def step(args: Any, t: Any, carried: Any, dt: Any) -> Any:
-        return on_user_clock(stepper.step, bound(args), t, carried, dt)
+        return on_user_clock(stepper.step, bound(args, t + dt / 2), t, carried, dt)
 
     def state(args: Any, t: Any, carried: Any, dt: Any) -> Any:
-        y = on_user_clock(stepper.state, bound(args), t, carried, dt)
+        y = on_user_clock(stepper.state, bound(args, t - dt / 2), t, carried, dt)
         return as_stored(y, mechanics, turned)
 
     return init, step, state

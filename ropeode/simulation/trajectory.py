@@ -28,6 +28,10 @@ class Iterations(NamedTuple):
     solved: Any
     jacobians: Any
 
+    def and_then(self, later: Iterations) -> Iterations:
+        """Those of runs and of what went on from them."""
+        return Iterations(self.solved & later.solved, self.jacobians + later.jacobians)
+
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Trajectory(Sampled):

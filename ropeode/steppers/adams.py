@@ -7,7 +7,9 @@ They need slopes from before the start. By default these are those of the soluti
 backwards: a run of `rk4` from the initial state to earlier times, with the same step size. All
 steps are then equal, from the first one on. The right-hand side has to be defined and smooth for
 three steps before the start; where it is not, as that of ``sqrt(t)`` at 0, samples are no numbers,
-and `start=euler` is the way out. A start in forward steps, as programs have it that count their
+and `start=euler` is the way out. After one of the problem's `jump_times` the slopes are those of a
+force that stands still at the jump: where the force after it depends on time, the order is 2 at
+most. A start in forward steps, as programs have it that count their
 steps, would need a step that differs from the others.
 """
 

@@ -111,12 +111,12 @@ def _as_it_is(value: Any) -> Any:
 class Stepper(abc.ABC):
     """A method with a fixed step size. Derive from it what a function cannot say.
 
-    The driver calls `init` once and then `step` for each step; `state` is called where a sample
-    is due. What is carried from step to step is the stepper's own affair: any nesting of tuples,
-    named tuples and arrays. By default it is the state. `t` and `dt` are numbers; for a
-    mechanical problem the state is a `Phase`, whose ``y.x`` and ``y.v`` are arrays
-    ``(nodes, dim)``; for any other it is an array. ``ropeode check --template two-step`` prints an
-    example. All class attributes have defaults.
+    The driver calls `init` at the start, and again at each of the problem's `jump_times`, and then
+    `step` for each step; `state` is called where a sample is due. What is carried from step to step
+    is the stepper's own affair: any nesting of tuples, named tuples and arrays. By default it is
+    the state. `t` and `dt` are numbers; for a mechanical problem the state is a `Phase`, whose
+    ``y.x`` and ``y.v`` are arrays ``(nodes, dim)``; for any other it is an array. ``ropeode check
+    --template two-step`` prints an example. All class attributes have defaults.
 
     Class attributes:
         name: as it is typed on the command line; by default that of the class.

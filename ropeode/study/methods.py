@@ -25,7 +25,7 @@ from ropeode.references import (
     functions_of,
     solve,
 )
-from ropeode.simulation import method_of, simulate
+from ropeode.simulation import intervals, method_of, simulate
 from ropeode.steppers import Stepper, as_stepper, library_solvers
 from ropeode.study.accuracy_table import problem_class
 from ropeode.study.each_once import each_once, repeated
@@ -107,7 +107,7 @@ class ConstantSteps:
             # step in Python may wait for what it began elsewhere.
             taken = stopwatch.seconds if method.trial.compiled else found.seconds
             frames = problem.frames if found.diverged_at is None else found.diverged_at
-            steps = int(effort) * frames
+            steps = int(effort) * int(intervals(problem).samples[frames])
             calls, jacobians = found.rhs_evaluations, found.jacobian_evaluations
             if calls is None and (calls := self._in_loops(steps)) is not None:
                 jacobians = 0

@@ -84,13 +84,6 @@ def test_diverged_runs_are_rows_without_errors(decay):
     assert order.verdict == "converges"
 
 
-def test_jumps_take_the_expectation_away():
-    for jump_times, expected in (((), 4), ((0.5,), None)):
-        problem = DECAYING.changed(jump_times=jump_times)
-        known = exact_reference(problem, np.exp(-problem.ts)[:, None])
-        assert accuracy_table(known, ["rk4"], [4]).orders[0].expected == expected
-
-
 def test_an_orbit_that_is_back_at_each_sample_is_not_unstable() -> None:
     def attraction(t, x, v, args):
         return -x / jnp.sum(x**2) ** 1.5
