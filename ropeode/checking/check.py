@@ -41,6 +41,7 @@ def check_stepper(
     expected_order: int | None = None,
     *,
     method: str | None = None,
+    damped_order: int | None = None,
     symplectic: bool | None = None,
     reversible: bool | None = None,
     conserves_energy: bool | None = None,
@@ -57,6 +58,8 @@ def check_stepper(
         step: whatever `ropeode.as_stepper` takes. Step functions are handed a `CheckArgs` as
             `args`.
         expected_order: that its author claims.
+        damped_order: the order that is enough on problems with damping, as 1 for velocity Verlet
+            in the form kick-drift-kick; None for `expected_order`.
         method: the stepper of ropeode that it is meant to be, such as ``velocity-verlet``; it
             must then have that one's order on each problem, limit of stability, and structure.
         symplectic: whether its author claims that it is.
@@ -88,7 +91,7 @@ def check_stepper(
         positions order 1...; velocities order 1...; expected 2
     """
     claims = checked_claims(
-        Claims(expected_order, method, symplectic, reversible, conserves_energy)
+        Claims(expected_order, method, symplectic, reversible, conserves_energy, damped_order)
     )
     names = chosen_checks(only, skip, quick)
     limit = check_positive("time_limit", time_limit, example="60")

@@ -141,9 +141,11 @@ class Examination:
 
     def expected(self, problem: Problem) -> int | None:
         """The order that is claimed on a problem; None where nothing is."""
-        if self.claims.order is not None or self._declared is None:
-            return self.claims.order
-        return self._declared.order(problem_class(problem))
+        if self.claims.order is None and self._declared is not None:
+            return self._declared.order(problem_class(problem))
+        if self.claims.damped_order is not None and problem_class(problem).damped:
+            return self.claims.damped_order
+        return self.claims.order
 
     @property
     def symplectic(self) -> bool | None:

@@ -23,12 +23,14 @@ class Claims:
     """What the author claims of a stepper. A property without a claim is measured, not tested.
 
     Arguments:
-        order: of convergence, on every problem; None if no order is claimed.
+        order: of convergence, on every problem but those of `damped_order`; None if no order is
+            claimed.
         method: the stepper of ropeode that it implements, by name with options; it must then
             have that stepper's order on each class of problem, stability limit and structure.
         symplectic: whether its one-step map is symplectic, on problems without damping.
         reversible: whether a step back undoes a step forward, on problems without damping.
         conserves_energy: whether energy stays bounded in a long run without damping.
+        damped_order: the order on problems with damping, if it is another one.
     """
 
     order: int | None = None
@@ -36,6 +38,7 @@ class Claims:
     symplectic: bool | None = None
     reversible: bool | None = None
     conserves_energy: bool | None = None
+    damped_order: int | None = None
 
 
 @json_shows(

@@ -41,6 +41,7 @@ CLASS_TIME_LIMIT = 20.0
 @click.command()
 @click.argument("step", required=False)
 @click.option("--order", metavar="N", help="The order that its author claims.")
+@click.option("--damped-order", metavar="N", help="Likewise, on problems with damping. [--order]")
 @click.option("--method", metavar="NAME", help="What it is meant to be; see `ropeode steppers`.")
 @click.option("--symplectic", is_flag=True, help="Its author claims that it is.")
 @click.option("--reversible", is_flag=True, help="Likewise.")

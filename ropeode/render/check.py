@@ -84,6 +84,8 @@ def claims_words(claims: Claims) -> str:
         words.append(f"claimed to be {claims.method}")
     if claims.order is not None:
         words.append(f"claimed to be of order {claims.order}")
+    if claims.damped_order is not None:
+        words.append(f"of order {claims.damped_order} with damping")
     for claim, what in (
         (claims.symplectic, "be symplectic"),
         (claims.reversible, "be reversible"),

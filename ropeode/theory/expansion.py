@@ -46,12 +46,14 @@ class Term(NamedTuple):
         error: of the largest component of each quantity, estimated, ``(quantities, states)``.
         known: whether it is certainly not zero, ``(quantities, states)``.
         zero: whether it is zero, as closely as rounding lets it be seen.
+        natural: the size of the solution's own coefficient, or that of the next power of dt.
     """
 
     value: np.ndarray
     error: np.ndarray
     known: np.ndarray
     zero: np.ndarray
+    natural: np.ndarray
 
 
 class Expansion:
@@ -159,7 +161,7 @@ class Expansion:
         error = before.error + after.error
         known = _largest(after.value - before.value) > _CERTAIN * error
         zero = ~known & (error <= _RESOLVED * before.natural)
-        parts = (each.reshape(shape) for each in (error, known, zero))
+        parts = (each.reshape(shape) for each in (error, known, zero, before.natural))
         return self.y + base, Term(change, *parts)
 
     @functools.cached_property
@@ -226,7 +228,7 @@ class Expansion:
         shape = (len(self.problem.quantities), len(self.t))
         if power < self._missing or (self.one_step and not growth):
             none = np.zeros(shape)
-            return Term(np.zeros_like(self.y), none, none > 0.0, none == 0.0)
+            return Term(np.zeros_like(self.y), none, none > 0.0, none == 0.0, none)
         if self.one_step:
             value, error, natural = self._series[1][power]
         else:
@@ -243,6 +245,7 @@ class Expansion:
             error.reshape(shape) / unit,
             known.reshape(shape),
             (zero & ~known).reshape(shape),
+            natural.reshape(shape) / unit,
         )
 
     def _degrees(self, power: int) -> np.ndarray:

@@ -33,14 +33,15 @@ SUBJECTS = {
     "mass": "the mass",
     "velocity": "the initial velocity",
 }
-_SPRING = "a += stiffness * (length - rest_length) * d / length / mass"
+_SPRING = "a_spring = stiffness * (length - rest_length) * d / length / mass"
+_ALL = "a = gravity + force / mass"
 RIGHT = {
-    "gravity": "a += gravity",
-    "drive": "a += drive * cos(frequency * t)",
-    "damping": "a -= damping * v / mass",
+    "gravity": _ALL,
+    "drive": "a_drive = drive * cos(frequency * t)",
+    "damping": "a_damping = -damping * v / mass",
     "spring": _SPRING,
     "rest": _SPRING,
-    "mass": "a = gravity + force / mass",
+    "mass": _ALL,
     "velocity": "v = the initial velocity at t = 0",
 }
 

@@ -11,6 +11,7 @@ import pytest
 
 from ropeode.checking import CHECKS, SLOW
 from ropeode.checking.energy_drift import measure_drift
+from ropeode.errors import InputError
 from ropeode.problems import Problem
 from ropeode.render import format_check
 from tests.checking import steps
@@ -232,6 +233,16 @@ def test_a_class_claims_what_it_says_and_no_more(declared, order, statuses):
 
     report = check_stepper(Declaring, order, only=["order-damped", "symplectic"], diagnose=False)
     assert [finding.status for finding in report.findings] == statuses
+
+
+def test_an_order_with_damping_may_be_claimed_apart():
+    asked = {"only": ["order-damped", "order-driven"], "diagnose": False}
+    assert check_stepper("leapfrog:damping=explicit", 2, **asked).verdict == "wrong"
+    report = check_stepper("leapfrog:damping=explicit", 2, damped_order=1, **asked)
+    assert report.passed
+    assert ["expected 1" in each.line for each in report.findings] == [True, False]
+    with pytest.raises(InputError, match="damped_order: 1 given; allowed: one beside an order"):
+        check_stepper("leapfrog", damped_order=1)
 
 
 # Where the stability functions leave the unit disc on the imaginary axis: Hairer, Wanner, Solving

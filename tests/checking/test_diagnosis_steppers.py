@@ -185,8 +185,35 @@ def float32(name):
     return with_args(**{name: lambda args: getattr(args, name).astype(np.float32).astype(float)})
 
 
+def kicks(weights, times=1.0):
+    """Parts of a step, kick-drift-kick each, with damping as an explicit force."""
+
+    def step(acceleration, t, x, v, dt, args):
+        for weight in weights:
+            part = weight * dt
+            v = v + part / 2 * acceleration(t, x, v, args)
+            x, t = x + part * v, t + times * part
+            v = v + part / 2 * acceleration(t, x, v, args)
+        return x, v
+
+    return step
+
+
+def moving_pin(rhs, t, y, dt, args):
+    """RK4, in whose second stage pinned nodes are elsewhere."""
+    k1 = rhs(t, y, args)
+    away = dt / 3 * (1 - args.free)[:, None] * np.ones_like(y)
+    k2 = rhs(t + dt / 2, y + dt / 2 * k1 + away, args)
+    k3 = rhs(t + dt / 2, y + dt / 2 * k2, args)
+    k4 = rhs(t + dt, y + dt * k3, args)
+    return y + dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+
+
+YOSHIDA = np.array([1.0, -(2.0 ** (1 / 3)), 1.0]) / (2.0 - 2.0 ** (1 / 3))
+
 # By what the first line says: the step, its order, and the causes.
 CAUSES = {
+    "right without damping: order 2; 1 with it": (kicks([1.0]), 2, ["lagged-damping"]),
     "returns the velocities first": (swapped, 1, ["swapped"]),
     "its slopes times 11/10": (weights_of(0.55), 2, ["pace"]),
     "this is explicit-euler; its order is 1": ("explicit-euler", 2, ["order"]),
@@ -194,6 +221,10 @@ CAUSES = {
     "above 0.0166667 give the same": (with_dt(lambda dt: min(dt, 1 / 60)), 1, ["step-size"]),
 }
 RARER_CAUSES = {
+    "right without damping: order 4; 1 with it": (kicks(YOSHIDA), 4, ["lagged-damping"]),
+    "damping and forces that depend on time: order 4": (kicks(YOSHIDA, times=0.0), 4, ["order"]),
+    "coefficients with few digits": (kicks(YOSHIDA.round(3)), 4, ["lagged-damping"]),
+    "right without pinned nodes: order 4; 1 with them": (moving_pin, 4, ["order"]),
     "velocity, which is (x_new - x)/dt": (mean_velocity, 2, ["equation"]),
     "start of the method is of order 2": (Ramp, 4, ["start"]),
     "of the beginning of the step": ("stormer-verlet:damping=lagged", 2, ["lagged-damping"]),
@@ -212,6 +243,9 @@ RARER_CAUSES = {
 REMEDIES = {
     "velocity, which is (x_new - x)/dt": "v_new = (x_new - x) / dt + dt / 2 * a",
     "its slopes times 11/10": "y_new = y + dt * (1/2 * k1 + 1/2 * k2)",
+    "right without damping: order 2; 1 with it": (
+        "damping force: -damping * (v + v_new) / 2; or claim order 1 on problems with damping"
+    ),
 }
 
 

@@ -39,7 +39,7 @@ def test_each_submission_has_its_row_and_is_not_graded_again(run, tmp_path, smal
     }
     assert "the damping is missing" in rows["undamped"]["message"]
     page = (tmp_path / "out/feedback/undamped.html").read_text()
-    assert "Fix: a -= damping * v / mass" in page
+    assert "Fix: a_damping = -damping * v / mass" in page
     assert "Errors over step sizes, order" in page
 
     write(tmp_path / "class/empty", small_rope, "rk4")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -122,12 +123,15 @@ def _drawn(problem: Problem, seed: int, region: Region) -> tuple[np.ndarray, np.
     return t, np.stack([pin + region.lengths * (x - pin), region.speeds * v], axis=1)
 
 
-def expansions(examination: Examination, region: Region = USUAL) -> list[Expansion]:
+def expansions(
+    examination: Examination, region: Region = USUAL, changed: Sequence[tuple[str, float]] = ()
+) -> list[Expansion]:
     """The expansions of a step at random states of `probe_ropes`.
 
     Arguments:
         examination: of the stepper.
         region: where the states are.
+        changed: fields of `CheckArgs`, with the number that all of their elements become.
 
     Raises:
         UserCodeError: the step raised.
@@ -135,6 +139,9 @@ def expansions(examination: Examination, region: Region = USUAL) -> list[Expansi
     found = []
     for seed, rope in enumerate(probe_ropes()):
         problem = examination.told(rope)
-        samples = StepSamples(problem, examination.method)
-        found.append(expanded(samples, *_drawn(problem, seed, region), region.longest))
+        t, y = _drawn(problem, seed, region)
+        args = problem.args
+        others = {name: np.full_like(getattr(args, name), value) for name, value in changed}
+        samples = StepSamples(problem.changed(args=args._replace(**others)), examination.method)
+        found.append(expanded(samples, t, y, region.longest))
     return found

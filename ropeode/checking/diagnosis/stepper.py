@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,7 +34,46 @@ from ropeode.theory import (
 )
 
 # What the coefficients of a Runge-Kutta method may explain.
-_OF_A_METHOD = {"order", "pace", "stage-time", "lagged-damping"}
+_OF_A_METHOD = {"order", "pace", "stage-time"}
+# What may be one of the costs of an order; a stage's time is said by the coefficients, too.
+_OF_COSTS = {"order", "lagged-damping"}
+# Coefficients that are rounded to few digits leave a term of a lower order, of at most this part of
+# the solution's own.
+_FEW_DIGITS = 1e-2
+
+
+class _Cost(NamedTuple):
+    """What may cost a method its order.
+
+    Fields:
+        field: of `CheckArgs`.
+        none: its value without it.
+        words: what it is.
+        remedy: for a method of an order above 2.
+    """
+
+    field: str
+    none: float
+    words: str
+    remedy: str
+
+
+_COSTS = (
+    _Cost(
+        "damping",
+        0.0,
+        "damping",
+        "take the damping at the velocity of each stage, or in a composition multiply v by "
+        "exp(-damping / mass * dt / 2) at both ends of each part, with the part's dt",
+    ),
+    _Cost(
+        "drive",
+        0.0,
+        "forces that depend on time",
+        "let a stage at t + c dt take forces of that time",
+    ),
+    _Cost("free", 1.0, "pinned nodes", "keep pinned nodes where they are in all stages"),
+)
 
 
 @in_float64
@@ -69,8 +110,14 @@ def diagnose_stepper(examination: Examination) -> tuple[Diagnosis, ...]:
         named = (low,)
     if named[0].cause == "unknown":
         return _elsewhere(examination, expected) or named
+    remedy, order = named[0].remedy, _order(found)
     if {cause.cause for cause in named} <= _OF_A_METHOD:
-        return tuple(_with_tableau(each, examination, expected) for each in named)
+        named = tuple(_with_tableau(each, examination, expected) for each in named)
+    first, *others = named
+    # Coefficients that are wrong explain the order by themselves.
+    unexplained = first.cause in _OF_COSTS and first.remedy == remedy and not others
+    if unexplained and order is not None and order < expected:
+        named = (_with_cost(first, examination, found, order, expected),)
     return named
 
 
@@ -113,13 +160,63 @@ def _with_tableau(diagnosis: Diagnosis, examination: Examination, expected: int)
         return diagnosis
     words = describe(tableau, expected or None)
     line = f"{words[0].lower()}{words[1:].rstrip('.')}"
-    if diagnosis.cause in ("stage-time", "lagged-damping"):
+    if diagnosis.cause == "stage-time":
         line += f". {diagnosis.line[0].upper()}{diagnosis.line[1:]}"
     return dataclasses.replace(
         diagnosis,
         line=line,
         evidence={**diagnosis.evidence, "method": words},
         remedy="; ".join(method.corrections) or diagnosis.remedy,
+    )
+
+
+def _with_cost(
+    diagnosis: Diagnosis,
+    examination: Examination,
+    found: Sequence[Expansion],
+    order: int,
+    expected: int,
+) -> Diagnosis:
+    """A diagnosis of an order that is too low, with what costs it: some of `_COSTS`, or digits."""
+    told = [each for each in _COSTS if each.field not in examination.cannot_be_told]
+    best, costs = order, tuple[_Cost, ...]()
+    for several in itertools.chain(*(itertools.combinations(told, n) for n in range(1, 4))):
+        if best < expected:
+            without = expansions(examination, changed=[each[:2] for each in several])
+            reached = _order(without) or expected
+            if reached > best:
+                best, costs, found = reached, several, without
+    lines, remedies = [], [each.remedy for each in costs]
+    if costs:
+        words = " and ".join(each.words for each in costs)
+        with_them = f"{order} with {'it' if costs == _COSTS[:1] else 'them'}"
+        lines.append(
+            f"right without {words}: order {best}; {with_them}"
+            if best >= expected
+            else f"order {best} without {words}, {with_them}; order {expected} is expected"
+        )
+    if best < expected:
+        terms = (each.rate(best) for each in found)
+        part = max(
+            np.max(np.max(np.abs(each.value), axis=(2, 3)).T / each.natural) for each in terms
+        )
+        if part < _FEW_DIGITS:
+            lines.append(
+                f"its term of dt^{best + 1} is only {part:.1g} of the solution's own, as "
+                "coefficients with few digits leave it"
+            )
+            remedies.append("write the coefficients as fractions and roots, with all digits")
+    if not lines:
+        return diagnosis
+    if costs == _COSTS[:1] and best >= expected:
+        remedies = [diagnosis.remedy] if expected == 2 else remedies
+        remedies.append(f"or claim order {order} on problems with damping")
+    first, *others = (*lines, diagnosis.line)
+    return dataclasses.replace(
+        diagnosis,
+        line=". ".join([first, *(f"{each[0].upper()}{each[1:]}" for each in others)]),
+        evidence={**diagnosis.evidence, "costs": {each.field: best for each in costs}},
+        remedy="; ".join(remedies) or diagnosis.remedy,
     )
 
 
