@@ -149,7 +149,7 @@ def grade(
         claims=claims,
         findings=findings,
         diagnosis=diagnosis,
-        notes=(*notes, *_notes(runs, reference)),
+        notes=(*notes, *_notes(runs, reference, order)),
         seconds=time.perf_counter() - started,
     )
 
@@ -339,7 +339,7 @@ def _solved(reference: Reference, runs: Sequence[Run]) -> tuple[Diagnosis, ...]:
         return diagnose_trajectories(problem, reference, states, quantities)
 
 
-def _notes(runs: Sequence[Run], reference: Reference) -> list[str]:
+def _notes(runs: Sequence[Run], reference: Reference, order: Finding) -> list[str]:
     notes = [
         f"the run with dt = {run.dt:g} diverged at t = {run.diverged.time:g} "
         f"({run.diverged.where}: {run.diverged.given:g}), and does not count"
@@ -350,7 +350,7 @@ def _notes(runs: Sequence[Run], reference: Reference) -> list[str]:
         f"{run.path.name}: dt = {run.dt:g} does not divide the {run.interval:g} between samples; "
         "the last step before each sample must be shorter"
         for run in finite(runs)
-        if run.uneven
+        if run.uneven and order.status != "pass"
     ]
     if reference.horizon is not None:
         notes.append(

@@ -5,7 +5,8 @@ from __future__ import annotations
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from trajectory_writing import finding, write_runs
+from trajectory_writing import WRITERS, finding, write_runs
+from written_programs import rk4
 
 from ropeode import Problem, grade, reference
 from ropeode.problems import PROBLEMS
@@ -16,7 +17,7 @@ def falls(t, x, v, args):
 
 
 BALL = Problem.second_order(falls, [[0.0, 1.0]], [[3.0, 4.0]], np.linspace(0.0, 2.0, 9))
-PROBLEM = {"ball": BALL, "planet": PROBLEMS["kepler"](4), "pendulum": PROBLEMS["pendulum"](4)}
+PROBLEM = {"ball": BALL, "planet": PROBLEMS["kepler"](9), "pendulum": PROBLEMS["pendulum"](4)}
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +42,7 @@ def test_what_is_exact_on_a_parabola_is_right(known, tmp_path, stepper, order, v
 
 
 def test_what_is_too_precise_to_tell_its_order_is_not_called_exact(known, tmp_path):
-    files = write_runs(tmp_path, PROBLEM["planet"], "dormand-prince8", (512, 640, 768))
+    files = write_runs(tmp_path, PROBLEM["planet"], "dormand-prince8", (256, 320, 384))
     report = grade(files, known["planet"], expected_order=8)
     assert report.verdict == "undetermined"
     assert "errors are so small" in finding(report).line
@@ -54,3 +55,45 @@ def test_one_mass_is_in_no_reverse_order_and_not_still(known, tmp_path, problem)
     files = write_runs(tmp_path, PROBLEM[problem], "stormer-verlet:start=rest", steps, dim=dim)
     report = grade(files, known[problem], expected_order=2)
     assert not {each.cause for each in report.diagnosis} & {"fixed-node", "columns"}
+
+
+def orbit(problem, n, samples):
+    """Kutta's method with n steps in a frame, and its samples as people take them."""
+    dt = float(problem.ts[1]) / n
+    x, v = problem.y0
+    t, rows = 0.0, [np.hstack([x, v])]
+
+    def step(h):
+        return rk4(lambda x, v: -x / np.sum(x * x) ** 1.5, x, v, h)
+
+    for end in problem.ts[1:]:
+        before = rows[-1]
+        while t < end - (0.0 if samples == "by time" else 1e-9):
+            before, h = np.hstack([x, v]), min(dt, end - t) if samples == "shorter" else dt
+            (x, v), t = step(h), t + h
+        after = np.hstack([x, v])
+        past = (t - end) / dt if samples == "line" else 0.0
+        rows.append(after + past * (before - after))
+    return problem.ts, np.array(rows), dt
+
+
+SAMPLES = {
+    "line": ((8.37, 16.37, 33.3, 64.37), "straight-line", "on a straight line"),
+    "by time": ((10, 20, 40, 80), "extra-step", "there is a step too many in frame 7"),
+    "shorter": ((8.37, 16.37, 33.3, 64.37), None, ""),
+}
+
+
+@pytest.mark.parametrize("samples", SAMPLES)
+@pytest.mark.parametrize("digits", ["%.17g", "%.10g"])
+def test_samples_between_steps_and_steps_counted_by_time(known, tmp_path, samples, digits):
+    steps, cause, words = SAMPLES[samples]
+    files = [
+        WRITERS[".csv"](tmp_path / f"{i}.csv", *orbit(PROBLEM["planet"], n, samples), digits=digits)
+        for i, n in enumerate(steps)
+    ]
+    report = grade(files, known["planet"], expected_order=4)
+    assert [each.cause for each in report.diagnosis] == ([cause] if cause else [])
+    assert words in " ".join(each.line for each in report.diagnosis)
+    # What makes the last step shorter is not told to do so.
+    assert cause or (report.verdict, report.notes) == ("right", ())

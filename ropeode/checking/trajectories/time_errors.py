@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-import functools
+import dataclasses
+import math
 import operator
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
-import jax
 import numpy as np
 
 from ropeode.analysis import differences, moved
 from ropeode.checking.report import Diagnosis
+from ropeode.checking.trajectories.convergence import beginning, order_finding
 from ropeode.checking.trajectories.initial_states import begins_right
+from ropeode.checking.trajectories.layout import samples_of
 from ropeode.checking.trajectories.run_files import Run
 from ropeode.norms import NORMS
-from ropeode.precision import in_float64
-from ropeode.references import Reference
+from ropeode.references import Reference, time_derivatives
 
 # A mistake explains errors if at most these parts of them remain in the finest run and in the next.
 _REMAINDERS = (0.05, 0.2)
@@ -24,7 +25,17 @@ _REMAINDERS = (0.05, 0.2)
 # these: the mistake explains the leading term, and the next one or two orders remain.
 _LARGEST, _LEAST_POWER, _LARGEST_POWER = 0.25, 0.75, 2.5
 RUNS = 3
+# Or if this part of the errors of the finest of some runs remains, and so changed all converge.
+_PART = 0.5
+# No mistake explains the errors if some run is right without it.
+_WORSE = 2.0
 _ROUNDING = 1e-6
+# How closely steps fill a frame that are counted by the time; and the most that are counted so.
+_WHOLE, _MOST_STEPS = 1e-9, 2**21
+# Derivatives of the solution from which late states follow.
+_DERIVATIVES = 4
+# Taylor's series has come to an end where its last term is this part of the sum.
+_LAST_TERM = 0.01
 # If only one quantity is late, the errors of the others are smaller by this factor, as parts of the
 # motion, or fall faster with dt by that one.
 _IN_TIME, _FASTER = 0.2, 0.75
@@ -77,36 +88,80 @@ def explains(parts: Sequence[float], dts: Sequence[float]) -> bool:
     return bool(np.all((powers >= _LEAST_POWER) & (powers <= _LARGEST_POWER)))
 
 
+# Weights of states, and by how many steps each of them is late.
+Mixture = list[tuple[np.ndarray | float, np.ndarray]]
+
+
+class _Samples(NamedTuple):
+    """The samples of one run, with its step as the unit of time.
+
+    Fields:
+        ends: their times since the start.
+        frame: the number of the frame that each of them ends.
+        ts: their times in the problem's unit.
+        dt: step size.
+    """
+
+    ends: np.ndarray
+    frame: np.ndarray
+    ts: np.ndarray
+    dt: float
+
+    def in_each_frame(self, part: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        """The sum of a part of each frame, over the frames."""
+        return np.cumsum(part(np.diff(self.ends, prepend=0.0)))
+
+    def added_up(self, *, in_frames: bool, side: Literal["left", "right"]) -> np.ndarray:
+        """The steps too many where rounded steps are added up to the time, and that is compared.
+
+        Arguments:
+            in_frames: whether it begins at 0 in each frame, rather than once.
+            side: `left` for ``while t < end``, `right` for ``while t <= end``.
+        """
+        off = np.abs(self.ends - np.rint(self.ends))
+        if self.ends[-1] > _MOST_STEPS or np.any(off > _WHOLE * self.ends):
+            return np.zeros_like(self.ends)
+        ends = np.diff(self.ts, prepend=self.ts[0]) if in_frames else self.ts
+        times = np.full(round(self.ends[-1]) + 2, self.dt)
+        times[0] = 0.0 if in_frames else self.ts[0]
+        made = np.searchsorted(np.cumsum(times), ends, side)
+        made[0] = 0
+        return (np.cumsum(made) if in_frames else made) - np.rint(self.ends)
+
+
 class Delay(NamedTuple):
     """A mistake by which samples are late; none of them has a parameter to fit.
 
     Fields:
         cause: a keyword.
-        words: describe it to its author; `{these}` stands for the quantities that are late.
-        steps: by how many steps each sample is late, from the time since the start in steps, and
-            the number of the frame.
+        words: describe it to its author; `{these}` stands for the quantities that are late, and
+            `{dt}` and `{frame}` for the first run and frame in which they are.
+        steps: by how many steps each sample is late.
         fix: how to mend it; empty if the words say it.
         constant: if each sample is late alike, by how many steps.
         alone: whether one quantity may be late, and the others in time.
+        line: whether samples lie on a straight line from the step before, which is so many steps
+            too early, to the next one.
     """
 
     cause: str
     words: str
-    steps: Callable[[np.ndarray, np.ndarray], np.ndarray]
+    steps: Callable[[_Samples], np.ndarray]
     fix: str = ""
     constant: float | None = None
     alone: bool = False
+    line: bool = False
+
+    def mixture(self, samples: _Samples) -> Mixture:
+        """The weights of states in each sample, and by how many steps they are late."""
+        steps = self.steps(samples)
+        return [(1.0 + steps, steps), (-steps, 1.0 + steps)] if self.line else [(1.0, steps)]
 
 
 def _part(steps: np.ndarray) -> np.ndarray:
     """The fraction of a step that remains after whole steps."""
     rest = steps - np.floor(steps + _ROUNDING)
     return np.where(rest < _ROUNDING, 0.0, rest)
-
-
-def _in_each_frame(ends: np.ndarray, part: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """The sum of a part of each frame, over the frames."""
-    return np.cumsum(part(np.diff(ends, prepend=0.0)))
 
 
 def _missing(steps: np.ndarray) -> np.ndarray:
@@ -123,26 +178,24 @@ def _last_step(steps: np.ndarray) -> np.ndarray:
 
 # What a program makes in place of the right number of steps.
 _COUNTS = {
-    "one step too few in each frame": lambda _, n: -1.0 * n,
-    "one step too many in each frame": lambda _, n: 1.0 * n,
-    "one step too few in the first frame": lambda _, n: -1.0 * np.minimum(n, 1),
-    "one step too many in the first frame": lambda _, n: 1.0 * np.minimum(n, 1),
+    "one step too few in each frame": lambda of: -1.0 * of.frame,
+    "one step too many in each frame": lambda of: 1.0 * of.frame,
+    "one step too few in the first frame": lambda of: -1.0 * np.minimum(of.frame, 1),
+    "one step too many in the first frame": lambda of: 1.0 * np.minimum(of.frame, 1),
 }
 # What dt does not divide, and what happens then.
 _LAST_STEPS = {
-    "a frame, the program skips the last partial step": (
-        lambda ends, _: -_in_each_frame(ends, _part)
-    ),
+    "a frame, the program skips the last partial step": lambda of: -of.in_each_frame(_part),
     "a frame, its last step goes beyond the end of the frame": (
-        lambda ends, _: _in_each_frame(ends, _missing)
+        lambda of: of.in_each_frame(_missing)
     ),
-    "a sample time, the sample is taken from the step before it": lambda ends, _: -_part(ends),
-    "a sample time, the sample is taken from the step after it": lambda ends, _: _missing(ends),
+    "a sample time, the sample is taken from the step before it": lambda of: -_part(of.ends),
+    "a sample time, the sample is taken from the step after it": lambda of: _missing(of.ends),
     "a frame, the program makes the nearest whole number of steps": (
-        lambda ends, _: _in_each_frame(ends, lambda steps: np.rint(steps) - steps)
+        lambda of: of.in_each_frame(lambda steps: np.rint(steps) - steps)
     ),
     "a sample time, the sample is taken from the nearest step": (
-        lambda ends, _: np.rint(ends) - ends
+        lambda of: np.rint(of.ends) - of.ends
     ),
 }
 _BOTH = "write positions and velocities of the time of the row"
@@ -163,17 +216,37 @@ _DELAYS = (
         Delay("last-step", f"if dt does not divide {words}", steps)
         for words, steps in _LAST_STEPS.items()
     ),
+    *(
+        Delay(
+            "extra-step",
+            "at dt = {dt:.4g} there is a step too many in frame {frame}: rounded steps are added "
+            f"up to a time that is {compared} the end of the frame",
+            lambda of, how=how: of.added_up(**how),
+            "count the steps: for (i = 0; i < steps_per_frame; i++)",
+        )
+        for compared, side in (("still below", "left"), ("not yet above", "right"))
+        for how in ({"in_frames": False, "side": side}, {"in_frames": True, "side": side})
+    ),
+    Delay(
+        "straight-line",
+        "samples lie on a straight line between the steps before and after them, which is wrong "
+        "by up to dt^2/8 times the acceleration",
+        lambda of: -_part(of.ends),
+        "make the last step before each sample shorter, or interpolate with the slopes at both "
+        "steps (Hermite)",
+        line=True,
+    ),
     Delay(
         "sample-time",
         "the first row is the state after the first step, and the others are of their time",
-        lambda _, n: 1.0 * (n == 0),
+        lambda of: 1.0 * (of.frame == 0),
         "write the initial state before the first step",
     ),
     *(
         Delay(
             "sample-time",
             f"{{these}} are those of {words}",
-            lambda ends, _, late=late: np.full(len(ends), late),
+            lambda of, late=late: np.full(len(of.ends), late),
             fix,
             late,
             alone=True,
@@ -183,7 +256,7 @@ _DELAYS = (
     Delay(
         "sample-time",
         "{these} are those before the last step of each frame",
-        lambda ends, _: -_last_step(np.diff(ends, prepend=0.0)),
+        lambda of: -_last_step(np.diff(of.ends, prepend=0.0)),
         "write them after it",
         alone=True,
     ),
@@ -209,21 +282,20 @@ def late_samples(reference: Reference, runs: Sequence[Run]) -> Diagnosis | None:
         for names in _late_together(delay, quantities):
             found = shifts.left_over(delay, names)
             # Of delays that are the same here, the first one counts.
-            if found is None or (best and found[0] >= _LESS * best.evidence["left_over"]):
+            if found is None or (best and found.left >= _LESS * best.evidence["left_over"]):
                 continue
-            left, dt = found
             these = _PLURAL[names[0]] if len(names) == 1 else "samples"
-            words = delay.words.format(these=these)
+            words = delay.words.format(these=these, dt=found.first[0], frame=found.first[1])
             known = _WELL_KNOWN.get((names, delay.constant), ("", delay.fix))
             if quantities == ("position",):
                 known = _WELL_KNOWN_ALONE.get(delay.constant, known)
             reason, fix = known
             words += f", {reason}" if reason else ""
             whose = "the" if names == tuple(quantities) else "their"
-            words += (
-                f"; this explains {100.0 * (1.0 - left):.3g}% of {whose} errors at dt = {dt:.4g}"
-            )
-            best = Diagnosis(delay.cause, words, {"left_over": left, "late": [*names]}, fix)
+            part = 100.0 * (1.0 - found.left)
+            words += f"; this explains {part:.3g}% of {whose} errors at dt = {found.dt:.4g}"
+            evidence = {"left_over": found.left, "late": [*names]}
+            best = Diagnosis(delay.cause, words, evidence, fix)
     return best
 
 
@@ -233,54 +305,103 @@ def _late_together(delay: Delay, names: Sequence[str]) -> list[tuple[str, ...]]:
     return [tuple(names), *each]
 
 
+class _Left(NamedTuple):
+    """The part of the errors that a delay leaves at `dt`; the first run and frame that are late."""
+
+    left: float
+    dt: float
+    first: tuple[float, int]
+
+
 class _Shifts:
     """Compares the errors of runs with those of a solution that is late."""
 
     def __init__(self, reference: Reference, runs: Sequence[Run]):
-        self.problem, self.runs, trusted = reference.problem, runs, reference.trusted
-        self._rates, self._changes = _derivatives(reference)
-        self._elapsed = self.problem.ts[:trusted] - self.problem.ts[0]
+        self.problem, self.runs, self._reference = reference.problem, runs, reference
+        trusted = reference.trusted
+        self._ts = self.problem.ts[:trusted]
+        self._derivatives = time_derivatives(
+            self.problem, self._ts, reference.states[:trusted], _DERIVATIVES
+        )
         self._errors = [differences(run.states, reference) for run in runs]
         self._motion = {name: moved(reference, NORMS[f"{name}-max"]) for name in runs[0].quantities}
 
-    def left_over(self, delay: Delay, names: Sequence[str]) -> tuple[float, float] | None:
-        """The part of the errors of some quantities that a delay leaves unexplained.
+    def left_over(self, delay: Delay, names: Sequence[str]) -> _Left | None:
+        """What a delay leaves unexplained of the errors of some quantities.
 
         Returns:
-            That of the finest run that is late, and its dt; None if the delay does not explain
-            them.
+            That of the finest run that is late; None if the delay does not explain them.
         """
-        found: list[tuple[float, int]] = []
-        frame = np.arange(len(self._elapsed))
-        first = 1.0 * (not begins_right(self.runs, self._columns(names)))
+        parts: list[float] = []
+        late: list[tuple[float, int]] = []
+        far, ends = [np.zeros_like(self._derivatives[:, 0]) for _ in self.runs], [len(self._ts)]
+        moves = self._ts > self._ts[0] if begins_right(self.runs, self._columns(names)) else True
         for k in range(len(self.runs) - 1, -1, -1):
             dt = self.runs[k].dt
-            late = dt * delay.steps(self._elapsed / dt, frame)
-            late[0] *= first
+            steps = (self._ts - self._ts[0]) / dt
+            mixture = delay.mixture(_Samples(steps, np.arange(len(steps)), self._ts, dt))
             # A step that divides all frames leaves no partial step that could be skipped.
-            if np.any(late) and len(found) < RUNS:
-                late = late.reshape(-1, *[1] * (self._rates.ndim - 1))
-                explained = late * self._rates + 0.5 * late**2 * self._changes
-                found.append((max(self._left(k, explained, name) for name in names), k))
-        if not explains([part for part, _ in found], [self.runs[k].dt for _, k in found]):
-            return None
-        (left, k), (_, coarser) = found[:2]
+            if not np.any(moves * mixture[0][1]):
+                continue
+            late.append((dt, k))
+            first = int(np.argmax(moves * mixture[0][1] != 0.0))
+            far[k], end = self._late(dt, mixture, moves)
+            ends.append(end)
+            parts.append(max(self._left(k, far[k], name, end) for name in names))
         others = [name for name in self.runs[0].quantities if name not in names]
-        if any(self._as_late(other, names, k, coarser) for other in others):
+        if not late or max(parts) > _WORSE:
             return None
-        return left, self.runs[k].dt
+        if not explains(parts[:RUNS], [dt for dt, _ in late][:RUNS]) and not (
+            # Where some runs are late, the others show what the program does otherwise.
+            not others
+            and parts[0] <= _PART
+            and (len(late) < len(self.runs) or delay.cause == "last-step")
+            and self._pass_without(far, min(ends) - 1)
+        ):
+            return None
+        if any(self._as_late(other, names, late[0][1], late[1][1]) for other in others):
+            return None
+        return _Left(parts[0], late[0][0], (late[-1][0], first))
+
+    def _late(
+        self, dt: float, mixture: Mixture, moves: np.ndarray | bool
+    ) -> tuple[np.ndarray, int]:
+        """How far a mixture of late states is from those of their time, by Taylor's series.
+
+        Returns:
+            The differences, and for how many samples the series has come to an end.
+        """
+        far = term = np.zeros_like(self._derivatives[:, 0])
+        for power in range(1, self._derivatives.shape[1]):
+            factor = np.sum([weight * (dt * steps) ** power for weight, steps in mixture], axis=0)
+            factor = moves * factor / math.factorial(power)
+            term = factor.reshape(-1, *[1] * (far.ndim - 1)) * self._derivatives[:, power]
+            far = far + term
+        sizes = [np.max(np.abs(each).reshape(len(each), -1), axis=1) for each in (term, far)]
+        coarse = sizes[0] > _LAST_TERM * np.maximum.accumulate(sizes[1])
+        return far, int(np.argmax(coarse)) if np.any(coarse) else len(far)
+
+    def _pass_without(self, far: Sequence[np.ndarray], frames: int) -> bool:
+        """Whether runs converge to the solution that are so far off by being late."""
+        undone = []
+        for run, off in zip(self.runs, far, strict=True):
+            values, columns = run.values.copy(), run.values.shape[2]
+            values[: len(off)] -= samples_of(self.problem, off)[:, :, :columns]
+            undone.append(dataclasses.replace(run, values=values))
+        reference = beginning(self._reference, frames)
+        return reference is not None and order_finding(reference, undone, None)[0].status == "pass"
 
     def _columns(self, names: Sequence[str]) -> slice:
         dim, places = self.runs[0].layout.dim, [*map(self.problem.quantities.index, names)]
         return slice(places[0] * dim, (places[-1] + 1) * dim)
 
-    def _error(self, k: int, name: str) -> float:
-        return float(np.max(np.abs(self.problem.quantity(name, self._errors[k]))))
+    def _error(self, k: int, name: str, end: int | None = None) -> float:
+        return float(np.max(np.abs(self.problem.quantity(name, self._errors[k][:end]))))
 
-    def _left(self, k: int, explained: np.ndarray, name: str) -> float:
+    def _left(self, k: int, explained: np.ndarray, name: str, end: int) -> float:
         """The part of the errors of a quantity that a shift in time does not explain."""
-        error = self._error(k, name)
-        rest = self.problem.quantity(name, self._errors[k] - explained)
+        error = self._error(k, name, end) if end else 0.0
+        rest = self.problem.quantity(name, (self._errors[k] - explained)[:end])
         return float(np.max(np.abs(rest))) / error if error > 0.0 else np.inf
 
     def _as_late(self, other: str, names: Sequence[str], fine: int, coarse: int) -> bool:
@@ -295,18 +416,3 @@ class _Shifts:
         if relative(fine, other) <= _IN_TIME * max(relative(fine, name) for name in names):
             return False
         return falls(other) > _FASTER * max(map(falls, names))
-
-
-@functools.lru_cache(maxsize=4)
-@in_float64
-def _derivatives(reference: Reference) -> tuple[np.ndarray, np.ndarray]:
-    """The first and second derivatives of trusted states in time, each ``(times, *state)``."""
-    problem, states = reference.problem, reference.states[: reference.trusted]
-
-    def both(t: float, y: np.ndarray) -> tuple:
-        rate = problem.rhs(t, y, problem.args)
-        _, change = jax.jvp(lambda t, y: problem.rhs(t, y, problem.args), (t, y), (1.0, rate))
-        return rate, change
-
-    rates, changes = jax.jit(jax.vmap(both))(problem.ts[: len(states)], states)
-    return np.asarray(rates), np.asarray(changes)
