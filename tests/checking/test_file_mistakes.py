@@ -122,6 +122,14 @@ FEW_DIGITS = {
 }
 # Of these nobody can say that the rest is right.
 STARTS = {
+    "the nodes are placed at i/4 of the way in place of i/3: 4 nodes have 3 gaps": numbers(
+        lambda v, dt: after(v[:1, :1] + 0.75 * (v[:1] - v[:1, :1]), v[1:])
+    ),
+    "the nodes are placed at (i + 1)/5 of the way": numbers(
+        lambda v, dt: after(
+            v[:1, :1] + 0.6 * (v[:1] - v[:1, :1]) + 0.2 * (v[:1, -1:] - v[:1, :1]), v[1:]
+        )
+    ),
     "; it is right in single precision. Fix: compute it in double": numbers(
         lambda v, dt: after(v[:1].astype(np.float32), v[1:])
     ),

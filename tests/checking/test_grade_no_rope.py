@@ -97,3 +97,14 @@ def test_samples_between_steps_and_steps_counted_by_time(known, tmp_path, sample
     assert words in " ".join(each.line for each in report.diagnosis)
     # What makes the last step shorter is not told to do so.
     assert cause or (report.verdict, report.notes) == ("right", ())
+
+
+def test_what_is_far_from_the_solution_is_not_unstable(tmp_path):
+    """Of a planet that is seen once a period it is not known how far it came."""
+    planet = reference(PROBLEMS["kepler"](4, periods=4))
+    files = write_runs(tmp_path, planet.problem, "explicit-euler", (16, 24, 36))
+    report = grade(files, planet, diagnose=False)
+    assert finding(report).line.startswith(
+        "far from the solution at dt = 0.3927, 0.2618 and 0.1745"
+    )
+    assert "unstable" not in finding(report).line

@@ -17,6 +17,7 @@ from ropeode.checking.trajectories.explanations import (
 from ropeode.checking.trajectories.initial_states import (
     begins_in_single_precision,
     check_initial_states,
+    misplaced_nodes,
 )
 from ropeode.checking.trajectories.run_files import FEWEST, Files, Run, finite, read_runs
 from ropeode.checking.trajectories.time_errors import late_samples
@@ -81,6 +82,8 @@ def _why(
         return "all rows of a file are the same", fix
     if begins_in_single_precision(runs):
         return "it is right in single precision", "compute it in double precision"
+    if (placed := misplaced_nodes(runs)) is not None:
+        return placed
     try:
         reference = certified()
     except ReferenceRefused:

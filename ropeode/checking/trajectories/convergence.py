@@ -38,6 +38,7 @@ from ropeode.checking.written_precision import digits_of, single_precision
 from ropeode.norms import NORMS, Norm
 from ropeode.precision import in_float64
 from ropeode.references import Reference, time_derivatives
+from ropeode.validation import listed
 
 # Errors below 30 times the round-off are left out; for the largest possible round-off, three times
 # are enough.
@@ -57,6 +58,9 @@ _STATES, _PRODUCTS = 16, 64
 # Taylor series over the whole time is this part of the motion. An error would be seen that is so
 # many times the largest rounding.
 _HIGHEST, _VANISHING, _SEEN = 4, 1e-9, 1e3
+# A run blew up whose error is so many times the smallest one and the motion, or so many times the
+# motion, whatever the others have.
+_GROWN, _FAR_ABOVE, _HUGE = 10.0, 10.0, 100.0
 # Over a few frames coarse runs are hardly asymptotic; a wider interval says nothing of an order.
 _WIDEST = 1.0
 
@@ -136,7 +140,7 @@ def order_finding(
         ):
             return finding, ()
         coarse = _too_coarse(reference, dt, rate)
-    if unstable := unstable_steps(careful):
+    if unstable := unstable_steps(reference, careful):
         line, fix = _unstable(reference, runs, unstable), ""
     else:
         why, fix = (coarse, "") if coarse else _undecided(careful, as_written, runs)
@@ -258,22 +262,42 @@ def shown(order: ObservedOrder) -> bool:
     return order.verdict != "undetermined" and order.used[0] >= _SPAN * order.used[-1]
 
 
-def unstable_steps(convergence: Convergence) -> list[float]:
-    """The step sizes at which runs blew up, where that leaves too few for an order."""
-    each = {
-        point.dt
-        for order in convergence.orders.values()
-        if order.verdict == "undetermined"
-        for point in order.left_out
-        if point.reason == UNSTABLE
+def unstable_steps(reference: Reference, convergence: Convergence) -> dict[str, list[float]]:
+    """The step sizes with errors above the motion, where that leaves too few for an order.
+
+    Those at which runs blew up are unstable. Others are far from the solution, as runs of another
+    problem may be, too.
+
+    Arguments:
+        reference: of the problem.
+        convergence: of the runs.
+
+    Returns:
+        Step sizes, from coarse to fine, by what is said of them; none that is said of none.
+    """
+    found: dict[float, bool] = {}
+    for name, order in convergence.orders.items():
+        motion = moved(reference, NORMS[f"{name}-max"])
+        known = dict(zip(convergence.dts, convergence.errors[name], strict=True))
+        errors = {dt: math.inf if error is None else error for dt, error in known.items()}
+        grown = max(_GROWN * min(errors.values()), _FAR_ABOVE * motion)
+        for point in order.left_out if order.verdict == "undetermined" else ():
+            if point.reason == UNSTABLE:
+                blew_up = not errors[point.dt] <= min(grown, _HUGE * motion)
+                found[point.dt] = found.get(point.dt, False) or blew_up
+    steps = sorted(found, reverse=True)
+    said = {
+        "unstable": [dt for dt in steps if found[dt]],
+        "far from the solution": [dt for dt in steps if not found[dt]],
     }
-    return sorted(each, reverse=True)
+    return {words: dts for words, dts in said.items() if dts}
 
 
-def _unstable(reference: Reference, runs: Sequence[Run], unstable: Sequence[float]) -> str:
-    """What runs show that blow up."""
-    *most, last = (f"{dt:.4g}" for dt in unstable)
-    line = f"unstable at dt = {', '.join(most)} and {last}" if most else f"unstable at dt = {last}"
+def _unstable(reference: Reference, runs: Sequence[Run], unstable: dict[str, list[float]]) -> str:
+    """What runs show that blow up, or are far from the solution."""
+    line = "; ".join(
+        f"{words} at dt = {listed([f'{dt:.4g}' for dt in dts])}" for words, dts in unstable.items()
+    )
     before = [
         f"{order.observed:.2f} [{order.ci95[0]:.2f}, {order.ci95[1]:.2f}] in {name} over the first "
         + ("frame" if frames == 1 else f"{frames} frames")

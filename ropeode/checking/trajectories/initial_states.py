@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -14,6 +15,8 @@ from ropeode.validation import complaint
 # Units of rounding by which a first sample may be off: programs often compute positions.
 _ROUNDINGS = 4.0
 _FLOAT32 = float(np.finfo(np.float32).eps)
+# Nodes in a row of which a distance can be told; and the number of the first, as people count.
+_FEWEST_NODES, _FIRSTS = 3, (0.0, 1.0, 0.5)
 _USUAL_FIX = "start from the initial state of the spec; `ropeode grade --init` writes it"
 
 
@@ -40,6 +43,35 @@ def check_initial_states(runs: Sequence[Run], why: str = "", fix: str = _USUAL_F
     if faults:
         raise InputError(each_once(faults))
     return largest
+
+
+def misplaced_nodes(runs: Sequence[Run]) -> tuple[str, str] | None:
+    """Nodes in a row at wrong equal distances, as where their number is taken for that of gaps.
+
+    Returns:
+        The mistake, and how to mend it.
+    """
+    dim, nodes = runs[0].layout.dim, runs[0].layout.nodes
+    right = _wanted(runs[0])[:, :dim]
+    places, way = np.arange(nodes)[:, None], right[-1] - right[0]
+    most = [allowed_first_errors(run) for run in runs]
+    evenly = right[0] + way * places / max(nodes - 1, 1)
+    if nodes < _FEWEST_NODES or np.any(np.abs(right - evenly) > most[0][:dim]):
+        return None
+    for first, gaps in itertools.product(_FIRSTS, (nodes, nodes + 1, nodes - 1, nodes - 2)):
+        off = right[0] + way * (places + first) / gaps - right
+        if np.any(off) and all(
+            np.all(np.abs(run.values[0, :, :dim] - right - off) <= allowed[:dim])
+            and np.all(first_errors(run)[:, dim:] <= allowed[dim:])
+            for run, allowed in zip(runs, most, strict=True)
+        ):
+            i = f"(i + {first:g})" if first else "i"
+            return (
+                f"the nodes are placed at {i}/{gaps} of the way in place of i/{nodes - 1}: "
+                f"{nodes} nodes have {nodes - 1} gaps",
+                "place node i at start + (end - start) * i / (num_nodes - 1)",
+            )
+    return None
 
 
 def begins_right(runs: Sequence[Run], columns: slice) -> bool:

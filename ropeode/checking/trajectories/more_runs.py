@@ -91,7 +91,7 @@ def more_runs(
         write = "" if exact else "write 17 digits, and "
         shows = _orders_in_words(names, orders)
         return f"{words}{write}add {_in_words(steps)}, with which {shows}"
-    if unstable_steps(convergence):
+    if "unstable" in unstable_steps(reference, convergence):
         return words + advice(reference.problem, claims, runs[-1].dt)
     return words + _from_reasons(convergence, runs)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import operator
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -332,26 +332,29 @@ class _Shifts:
         Returns:
             That of the finest run that is late; None if the delay does not explain them.
         """
-        parts: list[float] = []
-        late: list[tuple[float, int]] = []
-        far, ends = [np.zeros_like(self._derivatives[:, 0]) for _ in self.runs], [len(self._ts)]
+        parts, ends, late = [], [len(self._ts)], []
+        far: dict[int, np.ndarray] = {}
+        first = (0.0, 0)
         moves = self._ts > self._ts[0] if begins_right(self.runs, self._columns(names)) else True
         for k in range(len(self.runs) - 1, -1, -1):
             dt = self.runs[k].dt
             steps = (self._ts - self._ts[0]) / dt
             mixture = delay.mixture(_Samples(steps, np.arange(len(steps)), self._ts, dt))
+            off, end = self._late(dt, mixture, moves)
             # A step that divides all frames leaves no partial step that could be skipped.
-            if not np.any(moves * mixture[0][1]):
-                continue
-            late.append((dt, k))
-            first = int(np.argmax(moves * mixture[0][1] != 0.0))
-            far[k], end = self._late(dt, mixture, moves)
-            ends.append(end)
-            parts.append(max(self._left(k, far[k], name, end) for name in names))
+            if np.any(by := moves * mixture[0][1]):
+                first = dt, int(np.argmax(by != 0.0))
+                if end <= first[1]:
+                    # It is too late for the series: the run says nothing.
+                    continue
+                late.append(k)
+                ends.append(end)
+                parts.append(max(self._left(k, off, name, end) for name in names))
+            far[k] = off
         others = [name for name in self.runs[0].quantities if name not in names]
         if not late or max(parts) > _WORSE:
             return None
-        if not explains(parts[:RUNS], [dt for dt, _ in late][:RUNS]) and not (
+        if not explains(parts[:RUNS], [self.runs[k].dt for k in late[:RUNS]]) and not (
             # Where some runs are late, the others show what the program does otherwise.
             not others
             and parts[0] <= _PART
@@ -359,9 +362,9 @@ class _Shifts:
             and self._pass_without(far, min(ends) - 1)
         ):
             return None
-        if any(self._as_late(other, names, late[0][1], late[1][1]) for other in others):
+        if any(self._as_late(other, names, late[0], late[1]) for other in others):
             return None
-        return _Left(parts[0], late[0][0], (late[-1][0], first))
+        return _Left(parts[0], self.runs[late[0]].dt, first)
 
     def _late(
         self, dt: float, mixture: Mixture, moves: np.ndarray | bool
@@ -381,10 +384,11 @@ class _Shifts:
         coarse = sizes[0] > _LAST_TERM * np.maximum.accumulate(sizes[1])
         return far, int(np.argmax(coarse)) if np.any(coarse) else len(far)
 
-    def _pass_without(self, far: Sequence[np.ndarray], frames: int) -> bool:
+    def _pass_without(self, far: Mapping[int, np.ndarray], frames: int) -> bool:
         """Whether runs converge to the solution that are so far off by being late."""
         undone = []
-        for run, off in zip(self.runs, far, strict=True):
+        for k, off in sorted(far.items()):
+            run = self.runs[k]
             values, columns = run.values.copy(), run.values.shape[2]
             values[: len(off)] -= samples_of(self.problem, off)[:, :, :columns]
             undone.append(dataclasses.replace(run, values=values))
