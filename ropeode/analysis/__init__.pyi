@@ -22,8 +22,8 @@ from .motion import Thresholds as Thresholds
 from .motion import classify_motion as classify_motion
 from .motion import motion_words as motion_words
 from .motion import sensitivity as sensitivity
+from .order import AGREE as AGREE
 from .order import FEWEST_POINTS as FEWEST_POINTS
-from .order import NARROW_ORDER as NARROW_ORDER
 from .order import ORDER_TOLERANCE as ORDER_TOLERANCE
 from .order import PRE_ASYMPTOTIC as PRE_ASYMPTOTIC
 from .order import REASONS as REASONS
@@ -37,7 +37,6 @@ from .order import LeftOut as LeftOut
 from .order import ObservedOrder as ObservedOrder
 from .order import Verdict as Verdict
 from .order import observed_order as observed_order
-from .order import whole_orders as whole_orders
 from .roundoff import distance_of_runs as distance_of_runs
 from .roundoff import in_other_units as in_other_units
 from .roundoff import keeps_units as keeps_units

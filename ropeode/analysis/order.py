@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -40,11 +40,19 @@ _EXTRAPOLATION, _SLOWEST = (1.0, 3.0), 0.8
 _LEAST_HALF_WIDTH = 0.01
 # A slope that may be below this is not convergence of any use.
 _LEAST_ORDER = 0.5
-# An interval without the order that it should have is evidence up to this width: without a whole
-# one, of a fractional one; without the declared one, of another.
-NARROW_ORDER = 0.25
+# An interval without a whole order is evidence of a fractional one up to this width.
+_NARROW_ORDER = 0.25
 # An observed order may be lower than the claimed one by this.
 ORDER_TOLERANCE = 0.25
+# An interval is evidence against the order that it should have if it is no wider than so many times
+# its distance below it, or than these numbers, with a whole order in it and without: on the way to
+# the asymptotic range slopes are fractional, too.
+_FAR, _WIDE, _FRACTIONAL = 2.0, 0.25, 0.1
+# Errors and theory agree to this part.
+AGREE = 0.1
+# Over more than the first factor in dt errors agree with theory by no accident; over more than the
+# second they refute it, if finer ones are further from it.
+_LASTING, _SPAN = 1.99, 7.99
 # Student's t at 97.5% for 1, 2, ... degrees of freedom, as `scipy.special.stdtrit` computes it. To
 # import that takes a fifth of the time that JAX takes.
 _STUDENT = (
@@ -109,6 +117,27 @@ class ObservedOrder:
         low, high = self.ci95
         return f"the slope {self.observed:.2f} has the interval [{low:.2f}, {high:.2f}]"
 
+    @property
+    def whole(self) -> int | None:
+        """The one whole order in the interval of runs that converge; None if there is none."""
+        if self.ci95 is None or self.verdict != "converges":
+            return None
+        inside = [order for order in _whole_orders(*self.ci95) if order]
+        return inside[0] if len(inside) == 1 else None
+
+    def refutes(self, order: int) -> bool:
+        """Whether runs that should have an order have a lower one, or do not converge.
+
+        Examples:
+            >>> from ropeode import observed_order
+            >>> order = observed_order([0.1, 0.05, 0.025], [4e-2, 1e-2, 2.5e-3])
+            >>> order.refutes(2), order.refutes(3)
+            (False, True)
+        """
+        if self.ci95 is None:
+            return False
+        return self.verdict == "does not converge" or self.ci95[1] < order - ORDER_TOLERANCE
+
     def withheld(self, why: str) -> ObservedOrder:
         """Undetermined: what was observed is not the order for small steps.
 
@@ -134,6 +163,8 @@ def observed_order(
     rounding: ArrayLike = 0.0,
     motion: float = np.inf,
     claimed: int | None = None,
+    expected: int | None = None,
+    constant: float | None = None,
     solved: ArrayLike = True,
 ) -> ObservedOrder:
     """Find the observed order from errors at step sizes of any ratio.
@@ -160,6 +191,14 @@ def observed_order(
     a fractional order, as of forces that jump, shows in a narrow one. With a
     claim it decides if it excludes the claimed order, or all lower ones.
 
+    A higher term of the error may outweigh the leading one over many step sizes. The errors then
+    lie on a line with another slope. So an interval that excludes the expected (or claimed) order
+    decides nothing unless it is narrow, or far below that order for its width. Where theory
+    knows the error's `constant`, its line tells whether errors are asymptotic: they agree with it
+    to 10% from the finest on, over a factor of two in dt. Three points are enough then; before,
+    such an interval decides nothing, however narrow. Errors that go away from the line the finer
+    they are, over a factor of eight in dt, refute theory.
+
     Arguments:
         dts: step sizes in any order; all different and above zero.
         errors: the error at each; None or not finite where a run diverged.
@@ -167,12 +206,15 @@ def observed_order(
         rounding: the round-off of the runs; one number, or one per step size.
         motion: the size of the motion.
         claimed: the order that the runs are claimed to have; None to measure it.
+        expected: the order that they should have, by theory or as a stepper declares it; None or 0
+            if nobody knows; by default the claimed one.
+        constant: by theory, of the error ``constant * dt**expected``.
         solved: whether the equations of implicit steps were solved; one truth, or one per step
             size. Those that were not are left out as unsolved.
 
     Raises:
-        InputError: step sizes are not positive and different, or there are more or fewer
-            errors than step sizes.
+        InputError: step sizes are not positive and different, there are more or fewer errors
+            than step sizes, or there is a constant without an order.
 
     Examples:
         >>> from ropeode import observed_order
@@ -183,7 +225,8 @@ def observed_order(
     """
     dt = real_array("dts", dts, "[0.1, 0.05, 0.025]")
     rest = {"errors": errors, "resolution": resolution, "rounding": rounding}
-    for name, value in {**rest, "motion": motion, "claimed": claimed, "solved": solved}.items():
+    orders = {"claimed": claimed, "expected": expected, "constant": constant}
+    for name, value in {**rest, **orders, "motion": motion, "solved": solved}.items():
         not_traced(name, value)
     if not np.iterable(errors):
         raise bad_value("errors", errors, "a number or None for each step size", "give a list")
@@ -196,6 +239,9 @@ def observed_order(
         raise bad_value("dts", dt.tolist(), "different step sizes > 0", "drop repeated ones")
     if np.any(error < 0):
         raise bad_value("errors", error.tolist(), "errors >= 0", "give distances")
+    if constant is not None and not (expected and 0.0 < constant < np.inf):
+        fix = "give theory's order as expected, or leave it out"
+        raise bad_value("constant", constant, "a number > 0, beside an expected order > 0", fix)
 
     reasons = np.full(len(dt), "", dtype=object)
     with np.errstate(invalid="ignore", over="ignore"):
@@ -204,6 +250,27 @@ def observed_order(
         reasons[~(error <= UNSTABLE_FROM * motion) | ~np.isfinite(error)] = UNSTABLE
         reasons[~np.broadcast_to(np.asarray(solved, bool), dt.shape)] = UNSOLVED
 
+    usable = [i for i in np.argsort(dt) if not reasons[i]]
+    line = None
+    if constant and expected and usable:
+        line = _Line(expected, dt[usable], error[usable] / (constant * dt[usable] ** expected))
+    if line is not None and line.is_reached:
+        return _measured(dt, error, reasons, expected)
+    order, known = _measured(dt, error, reasons, claimed), expected or claimed
+    if line is not None:
+        return line.judged(order)
+    if not known or order.ci95 is None or _is_evidence(*order.ci95, known):
+        return order
+    low, high = order.ci95
+    if low <= known <= high if expected else not order.refutes(known):
+        return order
+    return order.withheld(f"{order.slope_words}, too wide to refute order {known}")
+
+
+def _measured(
+    dt: np.ndarray, error: np.ndarray, reasons: np.ndarray, claimed: int | None
+) -> ObservedOrder:
+    """The order from errors alone, some of which are left out for reasons."""
     usable = [i for i in np.argsort(dt) if not reasons[i]]
     used = _asymptotic_range(np.log(dt[usable]), np.log(error[usable]))
     for i in usable[used:]:
@@ -241,6 +308,58 @@ def observed_order(
     return order
 
 
+class _Line(NamedTuple):
+    """The errors by theory, ``constant * dt**order``.
+
+    Fields:
+        order: by theory.
+        dts: step sizes, from fine to coarse.
+        ratios: of the errors to those by theory.
+    """
+
+    order: int
+    dts: np.ndarray
+    ratios: np.ndarray
+
+    @property
+    def is_reached(self) -> bool:
+        """Whether the finest errors agree with theory."""
+        agree = np.logical_and.accumulate(np.abs(self.ratios - 1.0) <= AGREE)
+        return bool(np.any(agree)) and self.dts[agree][-1] > _LASTING * self.dts[0]
+
+    def judged(self, order: ObservedOrder) -> ObservedOrder:
+        """An order that was observed before errors have reached the line."""
+        apart = np.abs(self.ratios - 1.0)
+        used = np.isin(self.dts, order.used)
+        away = np.any(used) and np.all(np.diff(apart[used]) < 0.0)
+        if away and self.dts[used][-1] > _SPAN * self.dts[used][0]:
+            return order
+        if order.ci95 is not None and order.ci95[0] <= self.order <= order.ci95[1]:
+            return order
+        theory = f"theory says order {self.order}"
+        if len(apart) == 1 or np.any(np.diff(apart[:3]) <= 0.0):
+            # Of a single run nobody knows.
+            theory += ", but finer steps come no closer to its error" if len(apart) > 1 else ""
+        elif apart[0] > AGREE:
+            # The next term of the error has one more power of dt.
+            from_here = self.dts[0] * AGREE / apart[0]
+            theory = f"not yet asymptotic: {theory} from about dt = {from_here:.1g} on"
+        else:
+            theory = f"not yet asymptotic: {theory}"
+        if order.ci95 is None:
+            return dataclasses.replace(order, why=f"{order.why}; {theory}")
+        return order.withheld(f"{order.slope_words}; {theory}")
+
+
+def _is_evidence(low: float, high: float, order: int) -> bool:
+    """Whether an interval that excludes an order is evidence against it."""
+    width, narrow = high - low, _WIDE if _whole_orders(low, high) else _FRACTIONAL
+    # Errors that are as large as they can get fall more slowly than with order 1, or grow; before
+    # they are asymptotic many fall too quickly.
+    falling = high >= 1.0 or low >= _LEAST_ORDER
+    return width <= max(narrow, _FAR * (order - high) * falling)
+
+
 def _enough(local: np.ndarray) -> int:
     """How many points on a line show an order; local slopes from its coarse end to the rest."""
     return _ENOUGH_BROKEN if abs(local[1] - local[0]) > _BREAK else _ENOUGH
@@ -253,7 +372,7 @@ def _scatters(local: np.ndarray) -> bool:
     return len(turns) > 1 and bool(np.mean(turns) > 0.5)
 
 
-def whole_orders(low: float, high: float) -> range:
+def _whole_orders(low: float, high: float) -> range:
     """The whole orders inside an interval."""
     return range(max(math.ceil(low), 0), math.floor(high) + 1)
 
@@ -261,15 +380,15 @@ def whole_orders(low: float, high: float) -> range:
 def _decides(low: float, high: float, claimed: int | None) -> bool:
     """Whether an interval decides what the order is, or whether it is the claimed one at least."""
     if claimed is None:
-        orders = len(whole_orders(low, high))
-        return low > 0 and (orders == 1 or (orders == 0 and high - low <= NARROW_ORDER))
+        orders = len(_whole_orders(low, high))
+        return low > 0 and (orders == 1 or (orders == 0 and high - low <= _NARROW_ORDER))
     return high < claimed - ORDER_TOLERANCE or low > claimed - 1
 
 
 def _orders_in(low: float, high: float) -> str:
-    if not whole_orders(low, high):
+    if not _whole_orders(low, high):
         return "no whole order"
-    first, *others = whole_orders(low, high)
+    first, *others = _whole_orders(low, high)
     if len(others) == 1:
         return f"the orders {first} and {others[0]}"
     return f"the orders {first} to {others[-1]}" if others else f"the order {first}"

@@ -198,7 +198,7 @@ def convergence_finding(check: str, convergence: Convergence) -> Finding:
         else:
             low, high = order.ci95
             words.append(f"{them} order {order.observed:.2f} [{low:.2f}, {high:.2f}]")
-            wrong |= expected is not None and high < expected - ORDER_TOLERANCE
+            wrong |= expected is not None and order.refutes(expected)
     for quantity, (off, allowed) in limits.items():
         if off > allowed:
             words.append(f"wrong limit of {PLURAL[quantity]}: off by {off:.1e} (± {allowed:.0e})")

@@ -6,12 +6,13 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from ropeode.analysis import AGREE
 from ropeode.render import table_words
 from ropeode.render.markup import Block, Grid, Heading, Paragraph, Section
 from ropeode.render.results import blocks, line, rows
 from ropeode.steppers import ProblemClass
 from ropeode.study import AccuracyTable, ClassOrder, Explanation, LocalQuantity, LocalStep, Part
-from ropeode.study.error_constant import AGREE, ErrorConstant
+from ropeode.study.error_constant import ErrorConstant
 from ropeode.theory import (
     SOLVES_ANOTHER,
     LinearStability,

@@ -36,10 +36,10 @@ from ropeode.references import (
     problem_of,
     reference_for,
 )
-from ropeode.simulation import Method, Status, Trajectory, method_of, simulate, step_size
+from ropeode.simulation import Method, Status, Trajectory, method_of, simulate
 from ropeode.steppers import ProblemClass, StepFunction, Stepper, as_stepper
 from ropeode.study.each_once import each_once, repeated
-from ropeode.study.error_constant import ErrorConstant, believed, error_constant
+from ropeode.study.error_constant import ErrorConstant, error_constant
 from ropeode.threads import cores, threads
 from ropeode.validation import bad_value, counted, whole_number
 
@@ -498,14 +498,15 @@ def order_of(
         motion=size,
         solved=[run.status != "unsolved" for run in runs],
     )
-    order = observed()
-    constant = None if constant_of is None else constant_of(order)
-    if constant is not None and constant.confirmed:
-        order = observed(claimed=constant.order)
+    constant = None if constant_of is None else constant_of(observed())
+    if constant is not None and constant.predicted is not None:
+        order = observed(expected=constant.order, constant=constant.predicted)
+    else:
+        order = observed(expected=declared)
     return StepperOrder(
         stepper=stepper.label,
         expected=declared,
-        order=believed(order, declared, constant, step_size(problem, 1)),
+        order=order,
         solves=stepper.solves(of_class),
         constant=constant,
     )

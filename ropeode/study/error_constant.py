@@ -9,14 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ropeode.analysis import (
-    NARROW_ORDER,
-    UNSTABLE,
-    ObservedOrder,
-    error_sizes,
-    least_clear_error,
-    whole_orders,
-)
+from ropeode.analysis import AGREE, UNSTABLE, ObservedOrder, error_sizes, least_clear_error
 from ropeode.json_form import json_shows
 from ropeode.norms import Norm
 from ropeode.problems import Problem
@@ -25,14 +18,8 @@ from ropeode.references import Reference
 if TYPE_CHECKING:
     from ropeode.theory import PredictedError
 
-# Theory and runs agree to this part, or closely.
-AGREE, AGREE_CLOSELY = 0.1, 0.01
-# Over more than the first factor in dt runs agree with theory by no accident; over more than the
-# second they refute it, if finer ones are further from it.
-_LASTING, _SPAN = 1.99, 7.99
-# Up to this width an interval without a whole order decides against the declared one: on the way to
-# the asymptotic range slopes are fractional, too.
-_FRACTIONAL = 0.1
+# Theory and runs agree closely to this part.
+AGREE_CLOSELY = 0.01
 # A predicted size that is not so many times its uncertainty may be zero.
 _CERTAIN = 10.0
 
@@ -105,12 +92,6 @@ class ErrorConstant:
         return self.agree_from(AGREE_CLOSELY)
 
     @property
-    def confirmed(self) -> bool:
-        """Whether the finest step sizes agree with theory, over a factor of two in dt."""
-        coarsest = self.agree_from(AGREE)
-        return coarsest is not None and self.dt is not None and coarsest > _LASTING * self.dt
-
-    @property
     def approaches(self) -> bool:
         """Whether the ratio comes closer to 1 with each of the three finest step sizes."""
         apart = [abs(ratio - 1.0) for ratio in self.ratios.values()][:3]
@@ -146,68 +127,15 @@ def error_constant(
     return ErrorConstant(power, predicted, why, measured)
 
 
-def believed(
-    order: ObservedOrder, declared: int | None, constant: ErrorConstant | None, frame: float
-) -> ObservedOrder:
-    """The observed order; undetermined where another one is known and the runs may be too coarse.
-
-    A higher term of the error may outweigh the leading one over many step sizes, and then errors
-    lie on a line that has another slope. The predicted line tells whether they are asymptotic: then
-    they are close to it. Runs that go away from it the finer they are refute the prediction. Where
-    there is no line, a narrow interval decides against the declared order, and a wide one does not.
-
-    Arguments:
-        order: from the runs alone.
-        declared: by the stepper; None or 0 where it declares none.
-        constant: of the error; None where nobody asked for it.
-        frame: the longest.
-    """
-    low, high = order.ci95 or (-np.inf, np.inf)
-    dt = None if constant is None else constant.dt
-    if constant is None or dt is None or constant.predicted is None:
-        wide = order.verdict == "converges" and high - low > (
-            NARROW_ORDER if whole_orders(low, high) else _FRACTIONAL
-        )
-        if not declared or low <= declared <= high or not wide:
-            return order
-        why = f"{order.slope_words}, too wide to refute the declared order {declared}"
-        return order.withheld(why)
-    apart = {dt: abs(ratio - 1.0) for dt, ratio in constant.ratios.items()}
-    used = {dt: far for dt, far in apart.items() if dt in order.used}
-    if constant.confirmed or _refuted(used):
-        return order
-    theory = f"theory says order {constant.order}"
-    if not constant.approaches:
-        # Of a single run nobody knows.
-        theory += ", but finer steps come no closer to its error" if len(apart) > 1 else ""
-    elif apart[dt] > AGREE:
-        # The next term of the error has one more power of dt.
-        steps = float(f"{frame / dt * apart[dt] / AGREE:.2g}")
-        theory = f"not yet asymptotic: {theory} from about {steps:.0f} steps per frame on"
-    else:
-        theory = f"not yet asymptotic: {theory}"
-    if order.ci95 is None:
-        return dataclasses.replace(order, why=f"{order.why}; {theory}")
-    if constant.order is None or low <= constant.order <= high:
-        return order
-    return order.withheld(f"{order.slope_words}; {theory}")
-
-
-def _refuted(apart: Mapping[float, float]) -> bool:
-    """Whether runs are the further from the predicted line the finer they are, over a long way."""
-    away = all(fine > coarse for fine, coarse in itertools.pairwise(apart.values()))
-    return away and len(apart) > 1 and max(apart) > _SPAN * min(apart)
-
-
 def _predicted(
     problem: Problem, norm: Norm, order: ObservedOrder, prediction: PredictedError | str
 ) -> tuple[int | None, np.ndarray | None, str | None]:
     """The power of dt and the error over it at each sample; or an observed power, and why."""
     if isinstance(prediction, str):
-        return _whole(order), None, prediction
+        return order.whole, None, prediction
     sizes = leading_term(problem, norm, prediction)
     if sizes is None:
-        return _whole(order), None, f"the term with dt^{prediction.order} vanishes"
+        return order.whole, None, f"the term with dt^{prediction.order} vanishes"
     return prediction.order, sizes, None
 
 
@@ -221,11 +149,3 @@ def leading_term(problem: Problem, norm: Norm, prediction: PredictedError) -> np
     largest = float(np.max(np.abs(states), initial=0.0))
     certain = np.max(sizes, initial=0.0) > _CERTAIN * prediction.uncertain * largest
     return sizes if certain else None
-
-
-def _whole(order: ObservedOrder) -> int | None:
-    """The one whole number that the observed order can be."""
-    if order.ci95 is None or order.verdict != "converges":
-        return None
-    inside = [p for p in whole_orders(*order.ci95) if p]
-    return inside[0] if len(inside) == 1 else None

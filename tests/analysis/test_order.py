@@ -175,6 +175,79 @@ def test_what_decides_nothing_is_undetermined(dts, errors, why):
     assert why in found.why
 
 
+# From coarse to fine, as in `DTS`.
+FIVE = DTS[:5]
+
+
+def held(errors, constant, expected=4):
+    """The verdict on errors whose leading term theory predicts as ``constant * dt**expected``."""
+    return observed_order(FIVE[: len(errors)], errors, expected=expected, constant=constant)
+
+
+def test_a_line_that_is_not_theorys_is_not_yet_asymptotic():
+    """Order 4 with a small constant, beside a large term of order 5: a line of slope 5."""
+    errors = FIVE**4 * (1 + 5000 * FIVE)
+    assert observed_order(FIVE, errors).observed == pytest.approx(5, abs=0.02)
+    found = held(errors, 1.0)
+    assert (found.verdict, found.observed, found.ci95) == ("undetermined", None, None)
+    # There the two terms differ by a factor of ten.
+    assert "not yet asymptotic: theory says order 4 from about dt = 2e-05 on" in found.why
+    assert found.add == (FIVE[-1] / 2, FIVE[-1] / 4)
+    # Coarse errors may cross the predicted line, and be close to it at one step size by accident.
+    assert "not yet asymptotic" in held(FIVE**5 / FIVE[-1], 1.0).why
+    # Three points on the line are enough, whatever coarser ones are.
+    bent = [1.0, 0.1, *FIVE[2:] ** 4]
+    assert observed_order(FIVE, bent).verdict == "undetermined"
+    assert held(bent, 1.0).verdict == "converges"
+
+
+@pytest.mark.parametrize("bend", [[1.5], [1.4, 1.4]])
+def test_one_run_does_not_say_whether_finer_ones_come_closer(bend):
+    why = held(FIVE[: len(bend)] ** 4 * bend, 1.0).why
+    assert "; theory says order 4" in why
+    assert ("come no closer" in why) == (len(bend) > 1)
+
+
+def test_theory_excuses_no_wrong_stepper():
+    """Its own theory says what order it has. Errors that go away from its line refute theory."""
+    for found in (held(3 * FIVE, 3.0, 1), held(FIVE, 1.0)):
+        assert (found.verdict, round(found.observed, 3)) == ("converges", 1.0)
+
+
+BENT, WIDE = FIVE**2 * (1 + 6 * FIVE), FIVE**2 * (1 + 20 * FIVE)
+
+
+@pytest.mark.parametrize(
+    ("errors", "expected", "verdict"),
+    [
+        # A corner of the solution makes such an order, but the slopes are then all the same.
+        (FIVE**1.5, 2, "converges"),
+        (FIVE**2, 3, "converges"),
+        # The intervals are [1.88, 2.24] and [1.44, 2.86].
+        (BENT, 3, "converges"),
+        (WIDE, 3, "undetermined"),
+        (WIDE, 5, "converges"),
+        (WIDE, 2, "converges"),
+        # Errors that are not yet asymptotic often fall too quickly.
+        (BENT, 1, "undetermined"),
+        # Errors that are as large as they can get say nothing of small ones.
+        ([1.0, 1.1, 1.4, 1.8], 4, "undetermined"),
+        (FIVE**0, 4, "does not converge"),
+    ],
+)
+def test_a_wide_interval_refutes_no_order_close_by(errors, expected, verdict):
+    found = observed_order(FIVE[: len(errors)], errors, expected=expected)
+    assert found.verdict == verdict
+    holds = found.ci95 is not None and found.ci95[0] <= expected <= found.ci95[1]
+    assert found.refutes(expected) == (verdict != "undetermined" and not holds)
+    # Who claims less than there is claims nothing wrong.
+    claimed = observed_order(FIVE[: len(errors)], errors, claimed=expected)
+    assert claimed.verdict == ("converges" if expected == 1 else verdict)
+    assert claimed.refutes(expected) == found.refutes(expected)
+    # 0 stands for no convergence to this solution.
+    assert observed_order(FIVE, BENT, expected=0) == observed_order(FIVE, BENT)
+
+
 @pytest.mark.parametrize(
     ("dts", "errors"),
     [([0.1, 0.1], [1, 1]), ([0.1, np.nan], [1, 1]), ([0.1, 0.2], [1]), ([0.1, 0.2], [1, -1])],
@@ -182,3 +255,9 @@ def test_what_decides_nothing_is_undetermined(dts, errors, why):
 def test_bad_input(dts, errors):
     with pytest.raises(InputError, match="(dts|errors): .* given; allowed: "):
         observed_order(dts, errors)
+
+
+@pytest.mark.parametrize(("constant", "expected"), [(1.0, None), (-1.0, 2), (np.nan, 2), (1.0, 0)])
+def test_a_constant_needs_an_order(constant, expected):
+    with pytest.raises(InputError, match="constant: .* beside an expected order"):
+        observed_order(FIVE, FIVE, constant=constant, expected=expected)

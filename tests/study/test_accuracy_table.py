@@ -12,7 +12,7 @@ from ropeode.norms import norm_for
 from ropeode.problems import PROBLEMS
 from ropeode.simulation import simulate
 from ropeode.study import DEFAULT_STEPPERS, default_steppers, problem_class
-from ropeode.study.error_constant import ErrorConstant, believed, error_constant
+from ropeode.study.error_constant import ErrorConstant, error_constant
 from ropeode.theory import PredictedError
 from tests.exact_reference import exact_reference
 
@@ -126,64 +126,6 @@ def test_runs_that_cannot_be_used_count_for_nothing():
     zero = error_constant(exact, norm_for(problem), runs, order, zero)
     assert zero.predicted is None
     assert zero.why == "the term with dt^1 vanishes"
-
-
-DTS = 0.1 / 2.0 ** np.arange(5)
-
-
-def held(errors, predicted, order=4, declared=4):
-    """The verdict on errors whose leading term theory predicts as ``predicted * dt**order``."""
-    measured = dict(zip(DTS[::-1], (errors / DTS**order)[::-1], strict=True))
-    theory = ErrorConstant(order, np.array([predicted]), None, measured)
-    return believed(observed_order(DTS, errors), declared, theory, 1.0)
-
-
-def test_a_line_that_is_not_theorys_is_not_yet_asymptotic():
-    """Order 4 with a small constant, beside a large term of order 5: a line of slope 5."""
-    errors = DTS**4 * (1 + 5000 * DTS)
-    assert observed_order(DTS, errors).observed == pytest.approx(5, abs=0.02)
-    found = held(errors, 1.0)
-    assert found.verdict == "undetermined"
-    assert found.observed is found.ci95 is None
-    # There the two terms differ by a factor of ten.
-    assert "not yet asymptotic: theory says order 4 from about 50000 steps" in found.why
-    assert found.add == (DTS[-1] / 2, DTS[-1] / 4)
-    # Coarse errors may cross the predicted line, and be close to it at one step size by accident.
-    crossing = DTS**5 / DTS[-1]
-    assert "not yet asymptotic" in held(crossing, 1.0).why
-
-
-def test_one_run_does_not_say_whether_finer_ones_come_closer():
-    for bend in ([1.5], [1.4, 1.4]):
-        dts = DTS[: len(bend)]
-        theory = ErrorConstant(4, np.array([1.0]), None, dict(zip(dts[::-1], bend, strict=True)))
-        why = believed(observed_order(dts, dts**4 * bend), None, theory, 1.0).why
-        assert "; theory says order 4" in why
-        assert ("come no closer" in why) == (len(bend) > 1)
-
-
-def test_theory_excuses_no_wrong_stepper():
-    """Its own theory says what order it has, whatever it declares."""
-    # Runs that go away from the predicted line the finer they are refute it.
-    for found in (held(3 * DTS, 3.0, order=1), held(DTS, 1.0)):
-        assert (found.verdict, round(found.observed, 3)) == ("converges", 1.0)
-
-
-@pytest.mark.parametrize(("bend", "verdict"), [(0.0, "converges"), (0.6, "undetermined")])
-def test_without_theory_a_wide_interval_refutes_no_declared_order(bend, verdict):
-    order = observed_order(DTS, DTS**2 * (1 + bend * DTS / DTS[0]))
-    assert order.verdict == "converges"
-    for theory in (None, ErrorConstant(None, None, "nobody knows", {})):
-        assert believed(order, 3, theory, 1.0).verdict == verdict
-        assert believed(order, 2, theory, 1.0) == believed(order, None, theory, 1.0) == order
-    # Semi-implicit Euler on the Pleiades, whose prediction is too uncertain to be shown.
-    dts, errors = 0.15 / np.array([96, 144, 216, 324]), [0.7585, 0.3628, 0.1791, 0.08758]
-    order = observed_order(dts, errors)
-    assert order.verdict == "converges"
-    assert believed(order, 1, None, 0.15).verdict == "undetermined"
-    # A corner of the solution makes such an order, but the slopes are then all the same.
-    order = observed_order(DTS, DTS**1.5)
-    assert believed(order, 2, None, 1.0) == order
 
 
 @pytest.mark.slow

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from ropeode.analysis import AGREE
 from ropeode.checking.check_context import Examination, reference_of
 from ropeode.checking.report import Finding
 from ropeode.norms import NORMS
-from ropeode.study.error_constant import AGREE, ErrorConstant, error_constant
+from ropeode.study.error_constant import ErrorConstant, error_constant
 from ropeode.theory import predicted_error
 
 _ROPE = "unequal"
