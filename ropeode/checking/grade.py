@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ropeode.analysis import ObservedOrder
 from ropeode.checking.claims import checked_claims
 from ropeode.checking.energy_drift import at_rest, measure_drift
 from ropeode.checking.report import CheckReport, Claims, Diagnosis, Finding, exactly
@@ -119,6 +120,14 @@ def grade(
     def other() -> Diagnosis | None:
         return other_rope(reference, known, lambda problem: reference_for(problem, options))
 
+    def start(order: ObservedOrder) -> Diagnosis | None:
+        # Not above: right programs do not need it.
+        from ropeode.checking.diagnosis.start import diagnose_start_of_runs
+
+        return diagnose_start_of_runs(
+            reference, known, order, lambda problem: reference_for(problem, options)
+        )
+
     @functools.cache
     def program() -> Diagnosis | None:
         return _program(reference, runs)
@@ -139,7 +148,8 @@ def grade(
         late = late_samples(reference, known)
         if wrong:
             found = Files(files, own, dts)
-            diagnosis = _diagnosed(reference, known, found, order, late, other, program)
+            causes = (late, other, program, start)
+            diagnosis = _diagnosed(reference, known, found, order, *causes)
         elif late is not None and _is_unintended(late, order):
             # No claim is refuted, but such a program is hardly intended.
             notes = (*notes, "; ".join(filter(None, (late.line, late.remedy))))
@@ -277,6 +287,7 @@ def _diagnosed(
     late: Diagnosis | None,
     other: Callable[[], Diagnosis | None],
     program: Callable[[], Diagnosis | None],
+    start: Callable[[ObservedOrder], Diagnosis | None],
 ) -> tuple[Diagnosis, ...]:
     """What is wrong with the files, or what they solve instead of the problem."""
     if late is not None:
@@ -289,6 +300,9 @@ def _diagnosed(
     orders = {} if order.convergence is None else order.convergence.orders
     if all(each.verdict == "converges" for each in orders.values()) and (named := program()):
         return (named,)
+    positions = orders.get(reference.problem.quantities[0])
+    if positions is not None and (began := start(positions)) is not None:
+        return (began,)
     solved = _solved(reference, runs)
     if written is None:
         return tuple(_with_what_is_right(each, order) for each in solved)

@@ -54,10 +54,10 @@ _CERTAINLY = 10.0
 _MOST = 16.0
 # States of the reference at which the rate is taken, and products with the Jacobian there.
 _STATES, _PRODUCTS = 16, 64
-# Without a claim, methods of so high an order may be exact. A derivative is zero if its term of a
-# Taylor series over the whole time is this part of the motion. An error would be seen that is so
-# many times the largest rounding.
-_HIGHEST, _VANISHING, _SEEN = 4, 1e-9, 1e3
+# A step may round several times. Without a claim, methods of so high an order may be exact. A
+# derivative is zero if its term of a Taylor series over the whole time is this part of the motion.
+# An error would be seen that is so many times the largest rounding.
+_ROUNDINGS, _HIGHEST, _VANISHING, _SEEN = 4.0, 4, 1e-9, 1e3
 # A run blew up whose error is so many times the smallest one and the motion, or so many times the
 # motion, whatever the others have.
 _GROWN, _FAR_ABOVE, _HUGE = 10.0, 10.0, 100.0
@@ -187,7 +187,7 @@ def _exact(reference: Reference, careful: Convergence) -> dict[str, str]:
     ts, highest = problem.ts[: reference.trusted], careful.expected or _HIGHEST
     for name, errors in careful.errors.items():
         least = careful.resolution[name]
-        largest = np.maximum(np.array(careful.rounding[name]) / _SHARE, least)
+        largest = np.maximum(_ROUNDINGS / _SHARE * np.array(careful.rounding[name]), least)
         off = np.array(errors, dtype=np.float64)  # Not-a-number for a run that diverged.
         if not np.all(off <= largest):
             continue
