@@ -30,8 +30,9 @@ _DIFFERENCE = 1e-6
 # slopes promise, that is divided by a number; if it comes no closer, it is multiplied by another.
 # And the most steps.
 _FIRST_DAMPING, _SMALLER, _AS_PROMISED, _LARGER, _MOST_ITERATIONS = 1e-2, 10.0, 0.7, 4.0, 30
-# A step this small beside the changes ends a fit.
-_SMALL_STEP = 1e-9
+# A step this small beside the changes ends a fit; so does one that leaves most of a cost that is
+# large, according to the slopes.
+_SMALL_STEP, _MOST_OF_IT = 1e-9, 0.9
 # The smallest factor of all forces that a positive mass explains.
 _SMALLEST = 0.01
 # The most groups of terms that are changed together; that of all forces and gravity is changed
@@ -220,7 +221,10 @@ class _Trial:
         step = np.linalg.lstsq(matrix, right, rcond=None)[0]
         self.tried = self.changes + step
         self._expected = float(np.sum((self.apart + self.slopes @ step) ** 2))
-        self.done = bool(np.all(np.abs(step) <= _SMALL_STEP * (1.0 + np.abs(self.changes))))
+        stays = self._expected > _MOST_OF_IT * self._cost and self._damping <= _FIRST_DAMPING
+        self.done = bool(np.all(np.abs(step) <= _SMALL_STEP * (1.0 + np.abs(self.changes)))) or (
+            stays and float(np.max(np.abs(self.apart))) > _NEARLY
+        )
 
     @property
     def fit(self) -> Fit | None:

@@ -104,7 +104,8 @@ def diagnose_program(problem: Problem, runs: Runs, truth: np.ndarray) -> Diagnos
         )
     mass = float(np.mean(problem.args.mass))
     cause, words, remedy = _said(program, mass)
-    words = "; or, which moves the same, ".join([words, *(_said(each, mass)[1] for each in others)])
+    every = dict.fromkeys([words, *(_said(each, mass)[1] for each in others)])
+    words = "; or, which moves the same, ".join(every)
     evidence = {
         "method": program.method.name,
         "terms": [

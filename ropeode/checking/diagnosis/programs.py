@@ -48,8 +48,11 @@ _LAST_BITS, _LARGEST = 2.0**-46, 1e-3
 _STILL = 1e-3
 # Of a velocity on which its own damping depends.
 _ITERATIONS = 16
-# By how much a term is changed for its derivative, and how often it is corrected.
-_CHANGE, _MOST_CORRECTIONS = 1e-6, 10
+# By how much a term is changed for its derivative, how often it is corrected, and which part of
+# that change is no correction any more. Where more than a part of a large difference stays,
+# according to the derivative, the term is given up.
+_CHANGE, _FEWEST_CORRECTIONS, _MOST_CORRECTIONS, _SMALL_STEP = 1e-6, 3, 10, 1e-4
+_MOST_OF_IT = 0.9
 # Where a change is the same for all step sizes, or proportional to a power of them; and how closely
 # counts of steps are whole.
 _ALIKE = 1e-4
@@ -114,7 +117,7 @@ def _implicit_velocity(
     u = start
     for _ in range(_ITERATIONS):
         last, u = u, start + weight * a(x, u)
-        if np.array_equal(u, last):
+        if np.array_equal(u, last, equal_nan=True):
             break
     return u
 
@@ -334,18 +337,30 @@ class _Run:
         return np.nan_to_num(apart.reshape(len(x), -1), nan=np.inf)
 
     def fitted(self, method: Method, guesses: Sequence[_Guess], counts: np.ndarray) -> list[_Guess]:
-        """The guesses with the values that give the first frame; NaN where none does."""
+        """The guesses with the values that give the first frame, as far as any does."""
         values = np.array([guess.value for guess in guesses])
-        for _ in range(_MOST_CORRECTIONS if any(guess.changed for guess in guesses) else 0):
-            step = _CHANGE * np.maximum(np.abs(values), 1.0)
-            here = self.misfits(method, _terms(guesses, values), counts[:1])
-            there = self.misfits(method, _terms(guesses, values + step), counts[:1])
-            slope = (there - here) / step[:, None]
-            correction = -np.sum(here * slope, axis=1) / np.sum(slope * slope, axis=1)
-            values = values + correction
-            if np.all(~np.isfinite(correction) | (np.abs(correction) <= step * _CHANGE)):
+        going = np.flatnonzero([bool(guess.changed) for guess in guesses])
+        for correction in range(_MOST_CORRECTIONS):
+            if not len(going):
                 break
-        return [_Guess(guess.changed, float(v)) for guess, v in zip(guesses, values, strict=True)]
+            own, changed = values[going], [guesses[i] for i in going]
+            step = _CHANGE * np.maximum(np.abs(own), 1.0)
+            terms = _terms([*changed, *changed], np.concatenate([own, own + step]))
+            here, there = np.split(self.misfits(method, terms, counts[:1]), 2)
+            slope = (there - here) / step[:, None]
+            change = -np.sum(here * slope, axis=1) / np.sum(slope * slope, axis=1)
+            values[going] = own + change
+            size, rest = (np.max(np.abs(e), axis=1) for e in (here, here + slope * change[:, None]))
+            stays = (rest > _MOST_OF_IT * size) & (size > _LARGEST)
+            lost = ~np.isfinite(change) | (stays & (correction >= _FEWEST_CORRECTIONS))
+            values[going[lost]] = np.nan
+            going = going[~lost & (np.abs(change) > _SMALL_STEP * np.abs(step))]
+        found = zip(guesses, values.tolist(), strict=True)
+        return [
+            guess._replace(value=value)
+            for guess, value in found
+            if value == value or not guess.changed
+        ]
 
     def agreeing(
         self, method: Method, guesses: Sequence[_Guess], counts: np.ndarray
@@ -544,8 +559,10 @@ def _followed(
             expected, ratio = TERMS[guess.changed[0]].expected, run.dt / dt
             starts += [expected + (value - expected) * r for r in (ratio, 1.0 / ratio)]
             starts += [value * ratio, value / ratio]
-        guesses = run.fitted(method, [_Guess(guess.changed, start) for start in starts], count)
-        agreeing = run.agreeing(method, guesses, count)
+        guesses = [_Guess(guess.changed, start) for start in starts]
+        # With all digits a value need not be found anew.
+        agreeing = run.agreeing(method, guesses, count) if run.same <= _SAME else []
+        agreeing = agreeing or run.agreeing(method, run.fitted(method, guesses, count), count)
         if not agreeing:
             return None
         values[run.dt] = agreeing[0][0].value
