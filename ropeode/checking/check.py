@@ -31,6 +31,8 @@ EXPLAINED = {name for name in CHECKS if name.startswith("order-")} | {
     "node-order",
     "float32",
 }
+# Those that tell a method from another one of the same order.
+_OF_A_METHOD = {"stability", "energy", "symplectic", "reversible"}
 # A step that seems to obey a threshold may be one that differs from call to call.
 _THRESHOLDS = ("time-shift", "scales", "sizes", "far-states")
 
@@ -140,7 +142,8 @@ def check_stepper(
                     line = f"the step did not finish {error.why}"
                     findings.append(Finding(name, "undetermined", line))
             failed = {finding.check for finding in findings if finding.status == "fail"}
-            if diagnose and not quick and failed & EXPLAINED:
+            explained = EXPLAINED | (_OF_A_METHOD if claims.method else set())
+            if diagnose and not quick and failed & explained:
                 what = functools.partial(progress, "diagnosis", 1.0)
                 diagnosis = _diagnosed(examination, limit, what)
     progress("done", 1.0)

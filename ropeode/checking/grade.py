@@ -141,7 +141,7 @@ def grade(
     )
     diagnosis: tuple[Diagnosis, ...] = ()
     wrong = order.status == "fail"
-    if diagnose and wrong and (mistake := program()) and mistake.cause != "method":
+    if diagnose and wrong and (mistake := program()) and _refutes(mistake, claims, expected):
         diagnosis = (_or_so_written(reference, known, mistake),)
     elif diagnose and len(known) >= FEWEST and (wrong or expected is None):
         progress("diagnosis", 0.95)
@@ -174,14 +174,20 @@ def _order(
 ) -> tuple[Finding, tuple[str, ...]]:
     """The verdict on convergence; no order is needed if a mistake in the files explains all."""
     finding, notes = order_finding(reference, runs, expected)
-    if finding.status == "pass":
+    if finding.status == "pass" and not _is_symplectic(claims):
         return finding, notes
+    if finding.status == "pass":
+        named = program()
+        if named is None or not _refutes(named, claims, expected):
+            return finding, notes
+        line = f"{finding.line}; claimed to be {claims.method}, but {named.line}"
+        return dataclasses.replace(finding, status="fail", line=line), ()
     if (named := program()) is not None and named.cause == "float32":
         line = f"{finding.line}: {named.line}; {named.remedy}"
         return dataclasses.replace(finding, status="undetermined", line=line), ()
     if finding.status == "fail":
         return finding, notes
-    if named is not None and named.cause != "method":
+    if named is not None and _refutes(named, claims, expected):
         return Finding("order", "fail", f"no order; {named.line}", named.evidence), ()
     known = finite(runs)
     if len(known) >= FEWEST:
@@ -197,6 +203,19 @@ def _order(
     # Not above: it runs steppers, which takes longer than all the rest.
     advice = functools.partial(more_runs, reference, runs, claims, expected)
     return order_finding(reference, runs, expected, advice)
+
+
+def _is_symplectic(claims: Claims) -> bool:
+    """Whether a symplectic method is claimed."""
+    return claims.method is not None and bool(as_stepper(claims.method).symplectic)
+
+
+def _refutes(named: Diagnosis, claims: Claims, expected: int | None) -> bool:
+    """Whether the program that computes the positions is not what is claimed."""
+    if named.cause != "method":
+        return True
+    too_low = expected is not None and named.evidence["order"] < expected
+    return too_low or (_is_symplectic(claims) and not named.evidence["symplectic"])
 
 
 def _program(reference: Reference, runs: Sequence[Run]) -> Diagnosis | None:

@@ -235,6 +235,13 @@ def test_a_class_claims_what_it_says_and_no_more(declared, order, statuses):
     assert [finding.status for finding in report.findings] == statuses
 
 
+@pytest.mark.slow
+def test_another_method_than_the_one_that_is_claimed_is_called_by_its_name():
+    asked = {"method": "semi-implicit-euler", "only": ["order-driven", "symplectic"]}
+    (diagnosis,) = check_stepper(steps.euler, **asked).diagnosis
+    assert diagnosis.line.startswith("this is explicit-euler; its order is 1")
+
+
 def test_an_order_with_damping_may_be_claimed_apart():
     asked = {"only": ["order-damped", "order-driven"], "diagnose": False}
     assert check_stepper("leapfrog:damping=explicit", 2, **asked).verdict == "wrong"

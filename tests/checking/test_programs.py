@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from trajectory_writing import finding
-from written_programs import Program, kutta3, midpoint
+from written_programs import Program, explicit, kutta3, midpoint, semi_implicit
 
 from ropeode import InextensibleRope, Rope, grade, reference
 
@@ -48,6 +48,7 @@ MISTAKES = [
     ("moving", {"adds_up": True}, "forces-add-up", "never set to zero"),
     ("resting", {"rested": (4,)}, "fixed-node", "node 4 never moves"),
     ("moving", {"method": "verlet", "starts": "rest"}, "start", "initial velocity is forgotten"),
+    ("moving", {"method": explicit}, "method", "are those of explicit Euler"),
 ]
 
 
@@ -92,6 +93,18 @@ def test_a_right_program_is_called_by_its_method(known, tmp_path, change, digits
     files = program.files(tmp_path, (128, 256, 512), digits=digits)
     report = grade(files, known["moving"], expected_order=4)
     assert [each.cause for each in report.diagnosis] == ["method"]
+
+
+@pytest.mark.parametrize(("method", "verdict"), [(explicit, "wrong"), (semi_implicit, "right")])
+def test_another_method_of_the_order_that_is_claimed_is_told_apart(
+    known, tmp_path, method, verdict
+):
+    files = Program(known["moving"].problem, method=method).files(tmp_path, (512, 1024, 2048))
+    report = grade(files, known["moving"], method="semi-implicit-euler")
+    assert report.verdict == verdict
+    fixes = [each.remedy for each in report.diagnosis]
+    right = "for semi-implicit Euler: v_new = v + dt * a; x_new = x + dt * v_new"
+    assert fixes == ([right] if method is explicit else [])
 
 
 def test_a_treatment_of_damping_that_is_right_in_the_limit_is_no_mistake(tmp_path):

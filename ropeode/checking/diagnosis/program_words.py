@@ -98,10 +98,19 @@ def diagnose_program(problem: Problem, runs: Runs, truth: np.ndarray) -> Diagnos
         others = [each for each in others if each.changed != ("further",)]
     same = f"to {program.misfit:.1g} of the motion over the first {program.frames} frames"
     if program.is_right:
-        evidence = {"method": program.method.name, "misfit": program.misfit}
-        return Diagnosis(
-            "method", f"the positions are those of {program.method.name}, {same}", evidence
-        )
+        method, words = program.method, ""
+        order = method.order
+        if not isinstance(order, int):
+            words = f" without damping, and {order[1]} with it"
+            words, order = f"{order[0]}{words}", order[bool(np.any(problem.args.damping))]
+        evidence = {
+            "method": method.name,
+            "order": order,
+            "symplectic": method.symplectic,
+            "misfit": program.misfit,
+        }
+        line = f"the positions are those of {method.name}, {same}; its order is {words or order}"
+        return Diagnosis("method", line, evidence, method.remedy)
     mass = float(np.mean(problem.args.mass))
     cause, words, remedy = _said(program, mass)
     every = dict.fromkeys([words, *(_said(each, mass)[1] for each in others)])

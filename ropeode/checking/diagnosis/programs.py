@@ -173,51 +173,57 @@ class Method(NamedTuple):
 
     Fields:
         name: in words.
+        order: of its positions; a pair has the order without damping, and with it.
         step: from positions and velocities to the next ones.
         start: the velocities with which it begins.
         restores: whether rigid links are put back to their length before each step, or after it.
+        symplectic: whether its step is, without damping.
+        remedy: how the line is written that makes it the method it may be taken for.
     """
 
     name: str
+    order: int | tuple[int, int]
     step: Step
     start: Callable[..., np.ndarray] = _as_given
     restores: str = ""
+    symplectic: bool = True
+    remedy: str = ""
 
 
 _RESTORED = "Verlet with links restored"
 METHODS = {
     "springs": (
-        Method("semi-implicit Euler", _semi_implicit_euler),
-        Method("explicit Euler", _explicit_euler),
-        Method("Störmer-Verlet that starts at rest", _semi_implicit_euler, _at_rest),
-        Method("Störmer-Verlet", _semi_implicit_euler, _by_taylor),
-        Method("semi-implicit Euler, positions first", _positions_first),
-        Method("velocity Verlet", _velocity_verlet),
-        Method("velocity Verlet in the form kick-drift-kick", _kick_drift_kick),
-        Method("Störmer-Verlet with central damping", _verlet_central, _by_taylor),
+        Method("semi-implicit Euler", 1, _semi_implicit_euler),
         Method(
-            "Störmer-Verlet with central damping that starts at rest", _verlet_central, _at_rest
+            "explicit Euler",
+            1,
+            _explicit_euler,
+            symplectic=False,
+            remedy="for semi-implicit Euler: v_new = v + dt * a; x_new = x + dt * v_new",
         ),
-        Method("velocity Verlet with central damping", _velocity_verlet_central),
-        Method("RK4", _rk4),
-        Method("the midpoint method", _midpoint),
-        Method("Heun's method", _heun),
+        Method("Störmer-Verlet that starts at rest", 1, _semi_implicit_euler, _at_rest),
+        Method("Störmer-Verlet", (2, 1), _semi_implicit_euler, _by_taylor),
+        Method("semi-implicit Euler, positions first", 1, _positions_first),
+        Method("velocity Verlet", 2, _velocity_verlet),
+        Method(
+            "velocity Verlet in the form kick-drift-kick",
+            (2, 1),
+            _kick_drift_kick,
+            remedy="damping force: -damping * (v + v_new) / 2",
+        ),
+        Method("Störmer-Verlet with central damping", 2, _verlet_central, _by_taylor),
+        Method(
+            "Störmer-Verlet with central damping that starts at rest", 1, _verlet_central, _at_rest
+        ),
+        Method("velocity Verlet with central damping", 2, _velocity_verlet_central),
+        Method("RK4", 4, _rk4, symplectic=False),
+        Method("the midpoint method", 2, _midpoint, symplectic=False),
+        Method("Heun's method", 2, _heun, symplectic=False),
     ),
-    "rigid links": (
-        Method(
-            f"{_RESTORED} before each step that starts at rest",
-            _semi_implicit_euler,
-            _at_rest,
-            "before",
-        ),
-        Method(
-            f"{_RESTORED} after each step that starts at rest",
-            _semi_implicit_euler,
-            _at_rest,
-            "after",
-        ),
-        Method(f"{_RESTORED} before each step", _semi_implicit_euler, _by_taylor, "before"),
-        Method(f"{_RESTORED} after each step", _semi_implicit_euler, _by_taylor, "after"),
+    "rigid links": tuple(
+        Method(f"{_RESTORED} {when} each step{words}", 1, _semi_implicit_euler, start, when)
+        for start, words in ((_at_rest, " that starts at rest"), (_by_taylor, ""))
+        for when in ("before", "after")
     ),
 }
 

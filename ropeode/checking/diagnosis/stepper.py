@@ -23,6 +23,7 @@ from ropeode.checking.diagnosis.start import diagnose_start
 from ropeode.checking.diagnosis.step_size import diagnose_step_size
 from ropeode.checking.report import Diagnosis
 from ropeode.precision import in_float64
+from ropeode.steppers import as_stepper
 from ropeode.theory import (
     HIGHEST_ORDER,
     Expansion,
@@ -109,7 +110,8 @@ def diagnose_stepper(examination: Examination) -> tuple[Diagnosis, ...]:
             low = _order_alone(found, order, expected)
         named = (low,)
     if named[0].cause == "unknown":
-        return _elsewhere(examination, expected) or named
+        other = _other_method(examination)
+        return (other,) if other else _elsewhere(examination, expected) or named
     remedy, order = named[0].remedy, _order(found)
     if {cause.cause for cause in named} <= _OF_A_METHOD:
         named = tuple(_with_tableau(each, examination, expected) for each in named)
@@ -168,6 +170,21 @@ def _with_tableau(diagnosis: Diagnosis, examination: Examination, expected: int)
         evidence={**diagnosis.evidence, "method": words},
         remedy="; ".join(method.corrections) or diagnosis.remedy,
     )
+
+
+def _other_method(examination: Examination) -> Diagnosis | None:
+    """The method that a step is in place of the one that is claimed, if it is one with a name."""
+    claimed = examination.claims.method
+    if claimed in (None, examination.stepper.label):
+        return None
+    steppers = (examination.stepper, as_stepper(claimed))
+    tableau, right = (tableau_of(each, probe_ropes()[0]).tableau for each in steppers)
+    method = None if tableau is None else recognised(tableau)
+    if tableau is None or method is None or (right and recognised(right) == method):
+        return None
+    words = describe(tableau)
+    line = f"{words[0].lower()}{words[1:].rstrip('.')}; it is claimed to be {claimed}"
+    return Diagnosis("method", line, {"method": words}, "; ".join(method.corrections))
 
 
 def _with_cost(
