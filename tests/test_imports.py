@@ -35,7 +35,7 @@ LEAVES = {
         "render": "plots.overlaps",
         "study": "error_constant pareto",
         "tableaus": "rooted_trees stages",
-        "theory": "known_mistakes",
+        "theory": "terms",
     }.items()
     for module in modules.split()
 }

@@ -141,12 +141,14 @@ def grade(
     )
     diagnosis: tuple[Diagnosis, ...] = ()
     wrong = order.status == "fail"
-    if diagnose and wrong and (mistake := program()) and _refutes(mistake, claims, expected):
+    if diagnose and wrong and (mistake := program()) and mistake.cause != "method":
         diagnosis = (_or_so_written(reference, known, mistake),)
     elif diagnose and len(known) >= FEWEST and (wrong or expected is None):
         progress("diagnosis", 0.95)
         late = late_samples(reference, known)
-        if wrong:
+        if wrong and late is None and mistake and _refutes(mistake, claims, expected):
+            diagnosis = (mistake,)
+        elif wrong:
             found = Files(files, own, dts)
             causes = (late, other, program, start)
             diagnosis = _diagnosed(reference, known, found, order, *causes)

@@ -10,7 +10,6 @@ import numpy as np
 
 from ropeode.theory.diagnosis import Diagnosis
 from ropeode.theory.expansion import Expansion
-from ropeode.theory.known_mistakes import RIGHT, mass
 from ropeode.theory.projection import Projection, projected
 from ropeode.theory.rope_terms import (
     CONSTANT,
@@ -24,6 +23,7 @@ from ropeode.theory.rope_terms import (
     own_terms,
 )
 from ropeode.theory.term_factors import Factor, Fault, mistakes_in
+from ropeode.theory.terms import TERMS, mass
 from ropeode.validation import listed
 
 # How the sentence of a diagnosis begins.
@@ -368,7 +368,7 @@ def _explanation(nodes: Sequence[_Node], size: float, laws: tuple[str, ...]) -> 
     if _SINE in laws and (late := _late(factors)) is not None:
         # The driving force of another time is a sum of a cosine and a sine.
         others = [each for each in own if each.kind != "drive"]
-        faults = [*mistakes_in(others), Fault(late, remedy=RIGHT["drive"])]
+        faults = [*mistakes_in(others), Fault(late, remedy=TERMS["drive"].remedy)]
         laws = tuple(law for law in laws if law != _SINE)
     else:
         faults = mistakes_in(own)
@@ -406,7 +406,7 @@ def _late(factors: list[Factor]) -> str | None:
 
 def _law(law: str, factors: list[Factor]) -> Fault:
     """A force that is no term of a rope, from its coefficients at all places."""
-    remedy = RIGHT["drive"] if law.startswith("the driving force") else f"leave out {law}"
+    remedy = TERMS["drive"].remedy if law.startswith("the driving force") else f"leave out {law}"
     if law == NOT_JOINED:
         pairs = {
             tuple(sorted((each.place.node, each.place.element // 2)))
@@ -422,10 +422,10 @@ def _law(law: str, factors: list[Factor]) -> Fault:
         return Fault(f"there is {law}", named=False)
     words, text = found
     if text + words == "-1" and law.startswith(_OF_SPRINGS):
-        return Fault(f"{law} is left out", remedy=RIGHT["spring"])
+        return Fault(f"{law} is left out", remedy=TERMS["spring"].remedy)
     if law == CONSTANT and words == _DAMPING:
         text = f"there is a wind of {text}: damping is that of the velocity less the wind's"
-        return Fault(text, remedy=RIGHT["damping"])
+        return Fault(text, remedy=TERMS["damping"].remedy)
     return Fault(f"there is {law} (coefficient {text}{words})", remedy=remedy)
 
 

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ropeode.theory.known_mistakes import MISTAKES, NUMBERS, RIGHT, SUBJECTS, Mistake, mass
 from ropeode.theory.rope_terms import TermPlace
+from ropeode.theory.terms import KINDS, MISTAKES, NUMBERS, TERMS, Mistake, mass, times
 from ropeode.validation import listed
 
 # Of a number, what rounding two of its factors to float32 takes off at most.
@@ -57,7 +57,7 @@ def mistakes_in(factors: Sequence[Factor]) -> list[Fault]:
     """
     wrong = [each for each in factors if not each.equals(1.0)]
     kinds = {each.kind for each in wrong}
-    by_kind = {kind: [each for each in factors if each.kind == kind] for kind in SUBJECTS}
+    by_kind = {kind: [each for each in factors if each.kind == kind] for kind in KINDS}
     if whole := _of_all(by_kind):
         return [whole]
     still = _nodes_that_stand_still(factors)
@@ -69,13 +69,14 @@ def mistakes_in(factors: Sequence[Factor]) -> list[Fault]:
     ):
         # One factor for both: it is the force that is off.
         kinds -= {"rest"}
-    for kind, subject in SUBJECTS.items():
+    for kind in KINDS:
         if kind in kinds:
+            subject = TERMS[kind].name
             if kind == "spring" and not any(each.kind == "rest" for each in wrong):
                 subject = "the length in the spring force"
             moving = [each for each in by_kind[kind] if each.place.node not in still]
             own = _of_kind(kind, subject, moving)
-            texts += [fault._replace(remedy=RIGHT[kind]) for fault in own]
+            texts += [fault._replace(remedy=TERMS[kind].remedy) for fault in own]
     return texts
 
 
@@ -89,11 +90,11 @@ def _of_all(by_kind: dict[str, list[Factor]]) -> Fault | None:
     right = all(each.equals(1.0) for each in accelerations)
     for mistake in MISTAKES["mass"] if _of_several_ropes(every) else ():
         if _explains(mistake, forces if right else every):
-            return Fault(f"the mass {mistake.words}", remedy=RIGHT["mass"])
+            return Fault(f"the mass {mistake.words}", remedy=TERMS["mass"].remedy)
     if not forces[0].equals(1.0) and all(each.equals(forces[0].value) for each in forces):
         if right and not forces[0].equals(0.0):
             inverse = forces[0]._replace(value=1.0 / forces[0].value)
-            return Fault(f"the mass {_times(inverse)}", remedy=RIGHT["mass"])
+            return Fault(f"the mass {_times(inverse)}", remedy=TERMS["mass"].remedy)
         if all(each.equals(forces[0].value) for each in accelerations):
             return Fault(f"the acceleration {_times(forces[0])}")
     return _of_nodes(forces if right else every, right)
@@ -121,12 +122,12 @@ def _of_nodes(factors: list[Factor], right: bool) -> Fault | None:
         where = f"at node {listed(sorted({each.place.node for each in wrong}))}"
         if right:
             inverse = wrong[0]._replace(value=1.0 / wrong[0].value)
-            return Fault(f"the mass {_times(inverse)} {where}", remedy=RIGHT["mass"])
+            return Fault(f"the mass {_times(inverse)} {where}", remedy=TERMS["mass"].remedy)
         return Fault(f"the acceleration {_times(wrong[0])} {where}")
     if not _of_several_ropes(factors):
         return None
     own = _own_numbers([(each.place.node, mass(each.place) / each.value) for each in firsts], wrong)
-    return None if own is None else Fault(f"the mass is {own}", remedy=RIGHT["mass"])
+    return None if own is None else Fault(f"the mass is {own}", remedy=TERMS["mass"].remedy)
 
 
 def _nodes_that_stand_still(factors: Sequence[Factor]) -> list[int]:
@@ -149,7 +150,7 @@ def _of_kind(kind: str, subject: str, factors: list[Factor]) -> list[Fault]:
         if _explains(mistake, factors):
             return [Fault(f"{subject} {mistake.words}")]
     if several and (own := _own_number(kind, factors)) is not None:
-        subject = "the stiffness" if subject == SUBJECTS["spring"] else subject
+        subject = "the stiffness" if kind == "spring" else subject
         return [Fault(f"{subject} is {own}")]
     if several and kind == "damping" and (growth := _growth(factors)) is not None:
         return [Fault(f"there is an acceleration of {growth:.6g} times the velocity too much")]
@@ -205,15 +206,10 @@ def _where(kind: str, wrong: list[Factor]) -> str:
 
 
 def _times(factor: Factor) -> str:
-    for mistake in NUMBERS:
-        if factor.equals(mistake.factor(factor.place)):
-            return mistake.words
     off = factor.value - 1.0
     if abs(off) <= _FLOAT32:
         return f"is off by {off:.1e} of itself, as a constant in float32 makes it"
-    if abs(off) < 0.5:
-        return f"is {100.0 * abs(off):.4g}% too {'large' if off > 0 else 'small'}"
-    return f"is {factor.value:.6g} times what it should be"
+    return times(factor.value, factor.equals)
 
 
 def _own_number(kind: str, factors: list[Factor]) -> str | None:

@@ -37,7 +37,7 @@ def test_each_submission_has_its_row_and_is_not_graded_again(run, tmp_path, smal
         "right": ("checked", "right", "10"),
         "undamped": ("checked", "wrong", "2"),
     }
-    assert "the damping is missing" in rows["undamped"]["message"]
+    assert "the damping is left out" in rows["undamped"]["message"]
     page = (tmp_path / "out/feedback/undamped.html").read_text()
     assert "Fix: a_damping = -damping * v / mass" in page
     assert "Errors over step sizes, order" in page

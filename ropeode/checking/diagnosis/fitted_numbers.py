@@ -8,11 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ropeode.checking.diagnosis.fitted_terms import Fit, Group
-from ropeode.checking.diagnosis.rope_forces import TERMS
 from ropeode.checking.simple_numbers import shortest
 from ropeode.problems import Problem
 from ropeode.theory import TermPlace
-from ropeode.theory.known_mistakes import MISTAKES, NUMBERS, RIGHT, SUBJECTS
+from ropeode.theory.terms import MISTAKES, NUMBERS, TERMS
 from ropeode.validation import listed
 
 # A larger spread than this part of a number is too much to guess what the number is exactly.
@@ -193,14 +192,14 @@ def named_mistakes(problem: Problem, number: Number) -> list[NamedMistake]:
         # All forces are divided by the mass.
         factor = factors[0] if number.name != "mass" else 1.0 / (factors[0] or np.nan)
         value = claimed * factor
-        subject = SUBJECTS[kind]
+        subject = TERMS[kind].name
         if number.name == "gravity" and not np.all(off[claimed != 0.0]):
             subject = (
                 f"the {listed('xyz'[axis] for axis in np.flatnonzero(off))} component of gravity"
             )
             value = np.where(off, value, claimed)
         if np.all(np.abs(value - fitted) <= spread):
-            found.append(NamedMistake(f"{subject} {mistake.words}", RIGHT[kind], value))
+            found.append(NamedMistake(f"{subject} {mistake.words}", TERMS[kind].remedy, value))
     return found
 
 

@@ -11,14 +11,13 @@ from scipy.integrate import DOP853
 
 from ropeode.checking.diagnosis.limits import ObservedLimit
 from ropeode.checking.diagnosis.rope_forces import (
-    AXES,
-    TERMS,
     Forces,
     Terms,
     initial_states,
     right_terms,
 )
 from ropeode.problems import Problem
+from ropeode.theory.terms import AXES, TERMS
 
 # The relative error of solutions, and the most steps in each frame.
 FINEST, _COARSEST, _MOST_STEPS = 1e-11, 1e-7, 512
@@ -74,7 +73,7 @@ def groups_of(problem: Problem) -> list[Group]:
         Group("velocity", ("velocity",), 1.0)
         if np.any(v0)
         else Group("velocity", tuple(f"velocity_{axis}" for axis in axes), length / span),
-        Group("stiffness", ("stiffness",), 1.0),
+        Group("stiffness", ("spring",), 1.0),
         Group("rest_length", ("rest",), 1.0),
         Group("mass", ("forces",), 1.0),
         Group("dashpot", ("dashpot",), rate),

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from ropeode.checking.diagnosis.limits import Runs
@@ -14,66 +12,35 @@ from ropeode.checking.diagnosis.programs import (
     power,
     programs_of,
 )
-from ropeode.checking.diagnosis.rope_forces import TERMS
 from ropeode.checking.report import Diagnosis
 from ropeode.checking.simple_numbers import shortest
 from ropeode.problems import Problem
+from ropeode.theory.terms import TERMS, said
 from ropeode.validation import listed
-
-
-class _Known(NamedTuple):
-    """A mistake that people make.
-
-    Fields:
-        terms: that it changes.
-        power: of dt, to which its change is proportional.
-        value: that the terms then have; None for any.
-        cause: as a `Diagnosis` has it.
-        words: that say it; `{}` is the value.
-        remedy: what to write instead.
-    """
-
-    terms: tuple[str, ...]
-    power: float
-    value: float | None
-    cause: str
-    words: str
-    remedy: str
-
 
 # How precisely a number is found, as a part of itself and of the right one.
 _PRECISION = 1e-7
 _SCALE = "leave it out, or scale it with dt: v *= exp(-rate * dt), or a damping force"
-_ZERO = TERMS["old_forces"].remedy
-# The first that fits is said; others are said by their term, value and power of dt.
-_MISTAKES = (
-    *(
-        _Known((name,), 0.0, None, "damping-per-step",
-               "each step keeps {} of the velocity, however long the step is, so that the runs "
-               "have no limit as dt goes to 0", _SCALE)
-        for name in KEPT
-    ),
-    _Known(("kept", "all"), 0.0, None, "damping-per-step",
-           "each step multiplies the new velocity by {}, however long the step is, so that the "
-           "runs have no limit as dt goes to 0", _SCALE),
-    _Known(("old_forces", "old_gravity"), 0.0, None, "forces-add-up",
-           "the forces are never set to zero: each step adds those of all steps before", _ZERO),
-    _Known(("old_forces",), 0.0, None, "forces-add-up",
-           "the forces of springs are never set to zero: each step adds those of all steps before",
-           _ZERO),
-    _Known(("first_ends",), 0.0, 0.0, "parameters",
-           "springs do not pull at the node before them", TERMS["first_ends"].remedy),
-    _Known(("second_ends",), 0.0, 0.0, "parameters",
-           "springs do not pull at the node behind them", TERMS["second_ends"].remedy),
-    _Known(("gravity",), 0.0, -1.0, "parameters",
-           "gravity has the wrong sign", TERMS["gravity"].remedy),
-    _Known(("damping",), 0.0, 0.0, "parameters",
-           "the damping is missing", TERMS["damping"].remedy),
-    _Known(("damping",), 0.0, -1.0, "parameters",
-           "the damping has the wrong sign", TERMS["damping"].remedy),
-    _Known(("stiffness",), 0.0, -1.0, "parameters",
-           "springs push where they should pull", TERMS["stiffness"].remedy),
-)  # fmt: skip
+_PER_STEP = "{}, however long the step is, so that the runs have no limit as dt goes to 0"
+_ADDED = "are never set to zero: each step adds those of all steps before"
+# The cause and the words of changes that are the same for all steps; `{}` is the value. Others are
+# said by their term, value and power of dt.
+_MISTAKES: dict[tuple[str, ...], tuple[str, str, str]] = {
+    **{
+        terms: ("damping-per-step", _PER_STEP.format(f"each step {words}"), _SCALE)
+        for terms, words in (
+            *(((name,), "keeps {} of the velocity") for name in KEPT),
+            (("kept", "all"), "multiplies the new velocity by {}"),
+        )
+    },
+    **{
+        terms: ("forces-add-up", f"{forces} {_ADDED}", TERMS["old_forces"].remedy)
+        for terms, forces in (
+            (("old_forces", "old_gravity"), "the forces"),
+            (("old_forces",), "the forces of springs"),
+        )
+    },
+}
 
 
 def diagnose_program(problem: Problem, runs: Runs, truth: np.ndarray) -> Diagnosis | None:
@@ -174,10 +141,9 @@ def _changed(program: Program, mass: float) -> tuple[str, str, str]:
     if exponent == 0.0:
         size = max(abs(value), abs(TERMS[program.changed[0]].expected))
         value = shortest(value, max(float(np.ptp(values)), _PRECISION * size))
-    for known in _MISTAKES:
-        same = (known.terms, known.power) == (program.changed, exponent)
-        if same and known.value in (None, value):
-            return known.cause, known.words.format(f"{value:g}"), known.remedy
+        if program.changed in _MISTAKES:
+            cause, words, remedy = _MISTAKES[program.changed]
+            return cause, words.format(f"{value:g}"), remedy
     if program.changed[0] in KEPT and exponent == 1.0:
         dt = next(iter(program.found))
         words = f"there is a further damping, of coefficient {(1.0 - value) / dt * mass:.4g}"
@@ -187,23 +153,11 @@ def _changed(program: Program, mass: float) -> tuple[str, str, str]:
 
 def _by_power(program: Program, value: float, exponent: float) -> tuple[str, str, str]:
     term = TERMS[program.changed[0]]
-    name = term.name
-    # Without any force there is no mass.
-    if exponent == 0.0 and program.changed == ("forces",) and value != 0.0:
-        words = (
-            f"{name} is {value:g} times what it should be, as with {1 / value:.4g} times the mass"
-        )
-        return "parameters", words, term.remedy
-    if exponent == 0.0 and term.expected == 0.0:
-        return "parameters", f"there is {name}, of coefficient {value:g}", term.remedy
     if exponent == 0.0:
-        return "parameters", f"{name} is {value:g} times what it should be", term.remedy
+        return "parameters", said(program.changed[0], value), term.remedy
     if exponent > 0.0:
         more = "once more" if exponent == 1.0 else "twice more"
-        return "step-size", f"{name} is multiplied by dt {more}", term.remedy
-    if "damping" in name:
-        words = (
-            f"{name} acts once per step, however long the step is, so that the runs have no limit"
-        )
-        return "damping-per-step", f"{words} as dt goes to 0", _SCALE
-    return "step-size", f"{name} is divided by dt, or dt is missing there", term.remedy
+        return "step-size", f"{term.name} is multiplied by dt {more}", term.remedy
+    if "damping" in term.name:
+        return "damping-per-step", _PER_STEP.format(f"{term.name} acts once per step"), _SCALE
+    return "step-size", f"{term.name} is divided by dt, or dt is missing there", term.remedy

@@ -16,7 +16,6 @@ import numpy as np
 
 from ropeode.checking.diagnosis.limits import Runs
 from ropeode.checking.diagnosis.rope_forces import (
-    TERMS,
     Forces,
     Terms,
     has_rope_forces,
@@ -26,6 +25,7 @@ from ropeode.checking.diagnosis.rope_forces import (
 from ropeode.checking.written_precision import last_digit
 from ropeode.problems import Problem
 from ropeode.theory import is_rope
+from ropeode.theory.terms import TERMS
 
 # Acceleration of positions and velocities, all ``(copies, dim, nodes)``.
 Acceleration = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -62,11 +62,11 @@ _AS_SINGLE, _APART = 10.0, 4.0
 
 KEPT = ("kept", "kept_first", "kept_last")
 # The terms that a rope without springs does not have.
-_OF_SPRINGS = {"stiffness", "rest", "first_ends", "second_ends", "dashpot", "forces"}
+_OF_SPRINGS = {"spring", "rest", "first_ends", "second_ends", "dashpot", "forces"}
 # The terms that one mistake changes alike.
 CHANGES: tuple[tuple[str, ...], ...] = (
     ("gravity",),
-    ("stiffness",),
+    ("spring",),
     ("rest",),
     ("first_ends",),
     ("second_ends",),
@@ -349,7 +349,7 @@ class _Run:
         for correction in range(_MOST_CORRECTIONS):
             if not len(going):
                 break
-            own, changed = values[going], [guesses[i] for i in going]
+            own, changed = values[going], [guesses[i] for i in going.tolist()]
             step = _CHANGE * np.maximum(np.abs(own), 1.0)
             terms = _terms([*changed, *changed], np.concatenate([own, own + step]))
             here, there = np.split(self.misfits(method, terms, counts[:1]), 2)

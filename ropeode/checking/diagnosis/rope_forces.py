@@ -3,60 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from ropeode.problems import Problem
-from ropeode.theory.known_mistakes import RIGHT
+from ropeode.theory.terms import AXES, TERMS
 
-
-class Term(NamedTuple):
-    """A number in a program that may be wrong.
-
-    Fields:
-        name: as the words of a diagnosis have it.
-        expected: its right value.
-        starts: from which a wrong one is looked for.
-        remedy: how the line of the program should be.
-    """
-
-    name: str
-    expected: float
-    starts: tuple[float, ...]
-    remedy: str
-
-
-_ZERO = "set the forces on all nodes to zero before each step"
-_NO_FACTOR = "multiply no velocity; a damping is a force"
-_ENDS = "f[i] += pull; f[i + 1] -= pull"
-AXES = ("x", "y", "z")
-TERMS = {
-    "gravity": Term("gravity", 1.0, (1.0,), RIGHT["gravity"]),
-    "stiffness": Term("the stiffness of springs", 1.0, (1.0, -1.0, 0.5, 2.0), RIGHT["spring"]),
-    "rest": Term("the rest length of springs", 1.0, (1.0, 0.0), RIGHT["spring"]),
-    "first_ends": Term("the pull of springs on the node before them", 1.0, (1.0, 0.0), _ENDS),
-    "second_ends": Term("the pull of springs on the node behind them", 1.0, (1.0, 0.0), _ENDS),
-    "damping": Term("the damping", 1.0, (1.0, 0.0), RIGHT["damping"]),
-    "further": Term("a further damping of nodes", 0.0, (0.0,), RIGHT["damping"]),
-    "dashpot": Term("a damping along each spring", 0.0, (0.0,), RIGHT["spring"]),
-    "per_spring": Term("a damping of each spring's two nodes", 0.0, (0.0,), RIGHT["damping"]),
-    "forces": Term("the sum of all forces but gravity", 1.0, (1.0, -1.0, 0.5, 2.0), RIGHT["mass"]),
-    "all": Term("the acceleration", 1.0, (1.0, -1.0, 0.5, 2.0), RIGHT["mass"]),
-    # A velocity is multiplied after the forces have seen it, before they do, or at the end.
-    "kept": Term("the velocity kept by a step", 1.0, (1.0, 0.99), _NO_FACTOR),
-    "kept_first": Term("the velocity kept by a step", 1.0, (1.0, 0.99), _NO_FACTOR),
-    "kept_last": Term("the velocity kept by a step", 1.0, (1.0, 0.99), _NO_FACTOR),
-    "old_forces": Term("the forces kept from the step before", 0.0, (0.0, 1.0), _ZERO),
-    "old_gravity": Term("the gravity kept from the step before", 0.0, (0.0, 1.0), _ZERO),
-    "velocity": Term("the initial velocity", 1.0, (1.0, 0.0), RIGHT["velocity"]),
-    # What is added to gravity, and to the initial velocity of all free nodes.
-    **{
-        f"{name}_{axis}": Term(f"{words} along {axis}", 0.0, (0.0,), RIGHT[name])
-        for name, words in (("gravity", "gravity"), ("velocity", "the initial velocity"))
-        for axis in AXES
-    },
-}
 # The numbers of a rope without springs.
 _NUMBERS = {"mass", "rest_length", "free", "gravity", "damping"}
 
@@ -139,7 +92,7 @@ class Forces:
         if self._single:
             length = length.astype(np.float32).astype(np.float64)
         along = d / length
-        tension = of["stiffness"] * args.stiffness * (length - of["rest"] * args.rest_length)
+        tension = of["spring"] * args.stiffness * (length - of["rest"] * args.rest_length)
         if self._has_dashpot:
             apart = np.einsum("cdn,cdn->cn", v[:, :, 1:] - v[:, :, :-1], along)[:, None]
             tension = tension + of["dashpot"] * apart

@@ -31,7 +31,7 @@ from ropeode.checking.diagnosis.fitted_terms import (
     terms_with,
 )
 from ropeode.checking.diagnosis.limits import ObservedLimit, Runs, observe_limit
-from ropeode.checking.diagnosis.rope_forces import TERMS, Forces, has_rope_forces, right_terms
+from ropeode.checking.diagnosis.rope_forces import Forces, has_rope_forces, right_terms
 from ropeode.checking.report import Diagnosis
 from ropeode.checking.written_precision import rounding_of
 from ropeode.norms import NORMS
@@ -39,6 +39,7 @@ from ropeode.precision import in_float64
 from ropeode.problems import Problem
 from ropeode.references import Reference
 from ropeode.theory import is_rope
+from ropeode.theory.terms import TERMS
 
 # At first a motion depends on the parameters most simply, and later frames add little. With
 # fewer than three frames none could be kept back to confirm what the others say.

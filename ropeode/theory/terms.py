@@ -1,0 +1,222 @@
+"""The terms of a rope's equations, what people make of them by mistake, and what is right.
+
+A wrong coefficient is found in three ways: from single steps, from the numbers in files, and from
+the limit of their runs. All three say it with this table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from ropeode.theory.rope_terms import TermPlace
+
+
+class Term(NamedTuple):
+    """A part of the equations, or of a program, that may be wrong.
+
+    Fields:
+        name: as the words of a diagnosis have it.
+        remedy: how the line of a program should be; d leads to a spring's other end.
+        expected: the right value of its factor; 0 for what is not there.
+        starts: from which a wrong value is looked for.
+    """
+
+    name: str
+    remedy: str
+    expected: float = 1.0
+    starts: tuple[float, ...] = (1.0,)
+
+
+class Mistake(NamedTuple):
+    """What a mistake makes of a term.
+
+    Fields:
+        words: what follows the subject, such as "the damping".
+        factor: by which it multiplies the term, at a place.
+    """
+
+    words: str
+    factor: Callable[[TermPlace], float]
+
+
+AXES = ("x", "y", "z")
+_ALL = "a = gravity + force / mass"
+_SPRING = "a_spring = stiffness * (length - rest_length) * d / length / mass"
+_DAMPING = "a_damping = -damping * v / mass"
+_START = "v = the initial velocity at t = 0"
+_ENDS = "f[i] += pull; f[i + 1] -= pull"
+_NO_FACTOR = "multiply no velocity; a damping is a force"
+_ZERO = "set the forces on all nodes to zero before each step"
+_ANY, _THERE = (1.0, -1.0, 0.5, 2.0), (1.0, 0.0)
+TERMS = {
+    "gravity": Term("gravity", _ALL),
+    "drive": Term("the driving force", "a_drive = drive * cos(frequency * t)"),
+    "damping": Term("the damping", _DAMPING, starts=_THERE),
+    # A force proportional to the length, and the constant one that is taken off it.
+    "spring": Term("the spring force", _SPRING, starts=_ANY),
+    "rest": Term("the rest length", _SPRING, starts=_THERE),
+    # A mass divides all forces.
+    "mass": Term("the mass", _ALL),
+    "forces": Term("the sum of all forces but gravity", _ALL, starts=_ANY),
+    "all": Term("the acceleration", _ALL, starts=_ANY),
+    "velocity": Term("the initial velocity", _START, starts=_THERE),
+    "first_ends": Term("the pull of springs on the node before them", _ENDS, starts=_THERE),
+    "second_ends": Term("the pull of springs on the node behind them", _ENDS, starts=_THERE),
+    # A velocity is multiplied after the forces have seen it, before they do, or at the end.
+    **{
+        name: Term("the velocity kept by a step", _NO_FACTOR, starts=(1.0, 0.99))
+        for name in ("kept", "kept_first", "kept_last")
+    },
+    "further": Term("a further damping of nodes", _DAMPING, 0.0, (0.0,)),
+    "dashpot": Term("a damping along each spring", _SPRING, 0.0, (0.0,)),
+    "per_spring": Term("a damping of each spring's two nodes", _DAMPING, 0.0, (0.0,)),
+    "old_forces": Term("the forces kept from the step before", _ZERO, 0.0, (0.0, 1.0)),
+    "old_gravity": Term("the gravity kept from the step before", _ZERO, 0.0, (0.0, 1.0)),
+    # What is added to gravity, and to the initial velocity of all free nodes.
+    **{
+        f"{name}_{axis}": Term(f"{words} along {axis}", remedy, 0.0, (0.0,))
+        for name, words, remedy in (
+            ("gravity", "gravity", _ALL),
+            ("velocity", "the initial velocity", _START),
+        )
+        for axis in AXES
+    },
+}
+# The kinds of terms whose factors single steps show.
+KINDS = ("gravity", "drive", "damping", "spring", "rest", "mass", "velocity")
+
+
+def said(name: str, value: float, equals: Callable[[float], bool] | None = None) -> str:
+    """A sentence: what is wrong with a term.
+
+    Arguments:
+        name: of `TERMS`.
+        value: its factor, or its coefficient if there should be no such term.
+        equals: whether the value may be another number; exactly if it is not given.
+    """
+    term = TERMS[name]
+    if term.expected == 0.0:
+        return f"there is {term.name}, of coefficient {value:g}"
+    # Without any force there is no mass, and none is negative.
+    if name == "forces" and value > 0.0:
+        return said("mass", 1.0 / value)
+    return f"{term.name} {times(value, equals)}"
+
+
+def times(value: float, equals: Callable[[float], bool] | None = None) -> str:
+    """What follows the subject where a term has a factor; arguments as for `said`."""
+    for mistake, factor in _NUMBERS.items():
+        if equals(factor) if equals else value == factor:
+            return mistake
+    off = value - 1.0
+    if abs(off) < 0.5:
+        return f"is {100.0 * abs(off):.4g}% too {'large' if off > 0 else 'small'}"
+    return f"is {value:.6g} times what it should be"
+
+
+def mass(place: TermPlace) -> float:
+    """Of the node of a term."""
+    return place.args.mass[place.node]
+
+
+def _one_for_all(name: str, part: str, words: str, whole: str) -> tuple[Mistake, Mistake]:
+    """The first of an array, or its mean, in place of each; `part` of a place is the index."""
+
+    def factor(one: Callable[[np.ndarray], float]) -> Callable[[TermPlace], float]:
+        def of(place: TermPlace) -> float:
+            array = getattr(place.args, name)
+            return float(one(array) / array[getattr(place, part)])
+
+        return of
+
+    return (
+        Mistake(f"{words} the first {whole} for all", factor(lambda array: array[0])),
+        Mistake(f"{words} the mean {whole} for all", factor(np.mean)),
+    )
+
+
+def _of_other_springs(name: str, words: str) -> tuple[Mistake, ...]:
+    def factor(shift: int) -> Callable[[TermPlace], float]:
+        def of(place: TermPlace) -> float:
+            array = getattr(place.args, name)
+            return float(array[(place.element + shift) % len(array)] / array[place.element])
+
+        return of
+
+    return (
+        Mistake(f"{words} the next spring", factor(1)),
+        Mistake(f"{words} the previous spring", factor(-1)),
+        Mistake(
+            f"{words} the springs in reverse order",
+            lambda place: float(
+                getattr(place.args, name)[-1 - place.element]
+                / getattr(place.args, name)[place.element]
+            ),
+        ),
+    )
+
+
+def _rest_length(place: TermPlace) -> float:
+    return place.args.rest_length[place.element]
+
+
+# Of any term.
+_NUMBERS = {
+    "is left out": 0.0,
+    "has the wrong sign": -1.0,
+    "is counted twice": 2.0,
+    "is counted half": 0.5,
+}
+NUMBERS = tuple(
+    Mistake(words, lambda place, factor=factor: factor) for words, factor in _NUMBERS.items()
+)
+_OF_A_FORCE = (
+    Mistake("is not divided by the mass", mass),
+    Mistake("is divided by the mass twice", lambda place: 1.0 / mass(place)),
+    Mistake("is divided by the first node's mass", lambda p: mass(p) / p.args.mass[0]),
+    Mistake("is divided by the mean mass", lambda p: mass(p) / float(np.mean(p.args.mass))),
+)
+_OF_AN_ACCELERATION = (
+    Mistake("is an acceleration, and is multiplied by the mass", mass),
+    Mistake("is an acceleration, and is divided by the mass", lambda place: 1.0 / mass(place)),
+    Mistake("is multiplied by the mass twice", lambda place: mass(place) ** 2),
+)
+# Those of the mass multiply all forces alike.
+MISTAKES: dict[str, tuple[Mistake, ...]] = {
+    "gravity": _OF_AN_ACCELERATION,
+    "drive": _OF_AN_ACCELERATION,
+    "damping": (*_OF_A_FORCE, *_one_for_all("damping", "node", "is that of", "node")),
+    "spring": (
+        *_OF_A_FORCE,
+        Mistake("is divided by the rest length", lambda place: 1.0 / _rest_length(place)),
+        Mistake("is multiplied by the rest length", _rest_length),
+        *_one_for_all("stiffness", "element", "has the stiffness of", "spring"),
+        *_of_other_springs("stiffness", "has the stiffness of"),
+        Mistake(
+            "is divided by the mass of the spring's other end",
+            lambda p: mass(p) / p.args.mass[2 * p.element + 1 - p.node],
+        ),
+    ),
+    "rest": (
+        Mistake(
+            "is truncated to a whole number", lambda p: np.trunc(_rest_length(p)) / _rest_length(p)
+        ),
+        Mistake(
+            "is rounded to a whole number", lambda p: np.round(_rest_length(p)) / _rest_length(p)
+        ),
+        *_one_for_all("rest_length", "element", "is that of", "spring"),
+        *_of_other_springs("rest_length", "is that of"),
+        Mistake("is squared", _rest_length),
+    ),
+    "mass": (
+        Mistake("is left out: forces are not divided by it", mass),
+        Mistake("counts twice: forces are divided by it twice", lambda place: 1.0 / mass(place)),
+        Mistake("multiplies forces in place of dividing them", lambda place: mass(place) ** 2),
+        Mistake("of the first node is taken for all", lambda p: mass(p) / p.args.mass[0]),
+        Mistake("is the mean of all nodes", lambda p: mass(p) / float(np.mean(p.args.mass))),
+    ),
+    "velocity": (),
+}
