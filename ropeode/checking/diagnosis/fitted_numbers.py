@@ -62,7 +62,7 @@ class Number:
     @property
     def words(self) -> str:
         """As part of a sentence."""
-        shown = _shown(self.fitted)
+        shown = _shown(self.fitted, self.spread)
         about = "" if self.is_precise else f" (± {np.max(self.spread):.1g})"
         if not self.is_parameter:
             what = TERMS[self.group.terms[0]].name
@@ -76,7 +76,7 @@ class Number:
             return f"{what} {shown}{about} instead of {_shown(self.claimed)}"
         if np.all(self.fitted == 0.0):
             return f"{what} 0 instead of the problem's"
-        return f"{shown} times the {what}"
+        return f"{shown}{about} times the {what}"
 
     @property
     def digits(self) -> int:
@@ -111,8 +111,13 @@ def _plain(values: np.ndarray) -> Any:
     return values.item() if len(values) == 1 else values.tolist()
 
 
-def _shown(values: np.ndarray) -> str:
-    """One number, or several in parentheses; four digits are enough to recognise it."""
+def _shown(values: np.ndarray, spread: np.ndarray | None = None) -> str:
+    """One number, or several in parentheses, to the digits that are known, at most four."""
+    if spread is not None:
+        places = -np.floor(np.log10(np.maximum(spread, 1e-300))).astype(int)
+        values = np.array(
+            [round(*each) for each in zip(values.tolist(), places.tolist(), strict=True)]
+        )
     texts = [f"{float(value) + 0.0:.{_DIGITS_SHOWN}g}" for value in values]
     return texts[0] if len(texts) == 1 else f"({', '.join(texts)})"
 
