@@ -34,7 +34,7 @@ EXPLAINED = {name for name in CHECKS if name.startswith("order-")} | {
 # Those that tell a method from another one of the same order.
 _OF_A_METHOD = {"stability", "energy", "symplectic", "reversible"}
 # A step that seems to obey a threshold may be one that differs from call to call.
-_THRESHOLDS = ("time-shift", "scales", "sizes", "far-states")
+_THRESHOLDS = ("time-shift", "thresholds")
 
 
 @shows_progress

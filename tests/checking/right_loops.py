@@ -290,7 +290,7 @@ class Undeclared(Stepper):
 
 
 # Where their style could be taken for a threshold.
-_FAR = {"only": ["purity", "pins", "time-shift", "scales", "sizes", "far-states"]}
+_FAR = {"only": ["purity", "pins", "time-shift", "thresholds"]}
 _FIRST, _SECOND, _FOURTH = ({"expected_order": order} for order in (1, 2, 4))
 
 RIGHT_LOOPS: dict[str, tuple[Any, dict[str, Any]]] = {
@@ -315,6 +315,6 @@ RIGHT_LOOPS: dict[str, tuple[Any, dict[str, Any]]] = {
     "midpoint to 1e-6": (midpoint_to(1e-6), _FAR),
     "midpoint to 1e-12, or raises": (midpoint_to(1e-12, 200), _FAR),
     "for three dimensions": (for_three_dimensions, _FAR),
-    "in parts": (in_parts, {**_FIRST, "only": ["scales"]}),
+    "in parts": (in_parts, {**_FIRST, "only": ["thresholds"]}),
     "adaptive": (adaptive, {"only": ["rotation", "mirror", "units"]}),
 }

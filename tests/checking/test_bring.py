@@ -32,7 +32,7 @@ def returning(result):
 
 
 def raises(acceleration, t, x, v, dt, args):
-    return undefined_name  # noqa: F821
+    return undefined_name  # noqa: F821  # pyright: ignore
 
 
 def too_late(rhs, t, y, dt, args):
@@ -245,7 +245,7 @@ def exits_at_short_steps(rhs, t, y, dt, args):
 @pytest.mark.parametrize(
     ("step", "check", "words"),
     [
-        (exits_at_short_steps, "scales", "SystemExit"),
+        (exits_at_short_steps, "thresholds", "SystemExit"),
         # In a thread of its own: what pytest captures stays open.
         (doing(closes_standard_output), "purity", "closed file"),
     ],

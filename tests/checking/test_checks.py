@@ -66,9 +66,9 @@ WRONG = [
     ("own_euler: length in the plane", ["rotation"]),
     ((steps.handed, {}), ["mirror"]),
     ("own_euler: integer rest length", ["units"]),
-    ("velocity_verlet: put to rest below 1e-05", ["scales"]),
-    ("own_verlet: no more than four springs", ["sizes"]),
-    ("own_verlet: springs cut beyond 5 rest lengths", ["far-states"]),
+    ("velocity_verlet: put to rest below 1e-05", ["thresholds"]),
+    ("own_verlet: no more than four springs", ["thresholds"]),
+    ("own_verlet: springs cut beyond 5 rest lengths", ["thresholds"]),
     ((steps.euler, {"method": "semi-implicit-euler"}), ["stability"]),
     ((steps.rk4, {"conserves_energy": True, "symplectic": True}), ["energy", "symplectic"]),
     ((steps.in_loops, {"reversible": True}), ["reversible"]),
@@ -81,9 +81,9 @@ RARELY_WRONG = [
     ("velocity_verlet: old time", ["order-driven"]),
     ("velocity_verlet: speed limit of 100", ["boost"]),
     # Another formula is no part of a step.
-    ("rk4: Euler for dt from 3e-4 to 6e-4", ["scales"]),
-    ("rk4: Euler for dt < 1e-05", ["scales"]),
-    ("velocity_verlet: Euler where it is slow and dt > 5", ["scales"]),
+    ("rk4: Euler for dt from 3e-4 to 6e-4", ["thresholds"]),
+    ("rk4: Euler for dt < 1e-05", ["thresholds"]),
+    ("velocity_verlet: Euler where it is slow and dt > 5", ["thresholds"]),
 ]
 
 
@@ -142,7 +142,7 @@ def test_another_formula_for_one_number_of_nodes_is_found():
     def step(rhs, t, y, dt, args):
         return (steps.euler if y.shape[1] == 257 else steps.rk4)(rhs, t, y, dt, args)
 
-    (finding,) = check_stepper(step, 4, only=["sizes"]).failed
+    (finding,) = check_stepper(step, 4, only=["thresholds"]).failed
     assert "of 257 nodes" in finding.line
 
 
@@ -203,8 +203,8 @@ def nan_far_away(acceleration, t, x, v, dt, args):
 @pytest.mark.parametrize(
     ("step", "checks"),
     [
-        (nan_for_long_steps, ["free-flight", "scales"]),
-        (nan_far_away, ["translation", "far-states"]),
+        (nan_for_long_steps, ["free-flight", "thresholds"]),
+        (nan_far_away, ["translation", "thresholds"]),
     ],
 )
 def test_a_nan_is_called_by_its_name(step, checks):

@@ -95,10 +95,10 @@ def test_what_a_right_step_refuses_is_said_and_fails_nothing():
         (finding,) = check_stepper(step, only=[check]).findings
         return finding.status, finding.line
 
-    status, line = said(right_loops.for_three_dimensions, "sizes")
+    status, line = said(right_loops.for_three_dimensions, "thresholds")
     assert status == "pass"
     assert "in 2 dimensions it raised ValueError" in line
-    status, line = said(right_loops.midpoint_to(1e-13, 200), "scales")
+    status, line = said(right_loops.midpoint_to(1e-13, 200), "thresholds")
     assert status == "note"
     assert "it raised RuntimeError: no convergence" in line
 

@@ -10,12 +10,11 @@ from ropeode.checking.checks.conservation import energy, free_flight, momentum, 
 from ropeode.checking.checks.error_constant import predicted
 from ropeode.checking.checks.orders import order
 from ropeode.checking.checks.rounding import float32, zero_length
-from ropeode.checking.checks.scales import scales
 from ropeode.checking.checks.side_effects import determinism, first_sample, purity
 from ropeode.checking.checks.stability import stability
 from ropeode.checking.checks.structure import reversible, symplectic
 from ropeode.checking.checks.symmetry import SYMMETRIES, symmetry
-from ropeode.checking.checks.unusual import far_states, sizes
+from ropeode.checking.checks.thresholds import thresholds
 from ropeode.checking.report import Finding
 
 Check = Callable[[Examination], Finding]
@@ -34,9 +33,7 @@ CHECKS: dict[str, Check] = {
     "pins": pins,
     "momentum": momentum,
     **{name: functools.partial(symmetry, check=name) for name in SYMMETRIES},
-    "scales": scales,
-    "sizes": sizes,
-    "far-states": far_states,
+    "thresholds": thresholds,
     "stability": stability,
     "energy": energy,
     "symplectic": symplectic,

@@ -1,39 +1,105 @@
 """Errors of single steps from many states, beside the exact motion.
 
 Every method moves a short way along the solution, up to a small part of the way. How small depends
-on the method and on how short the way is beside what changes fastest, but hardly on the state: a
-state, a step size or a rope from which a step errs much more than from others shows a threshold.
+on the method and on how short the way is beside what changes fastest, but hardly on the state, and
+not at all on the units: a state, a step size, a unit or a rope from which a step errs much more
+than from others shows a threshold.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ropeode.checking.check_ropes import Units
 from ropeode.errors import UserCodeError
 from ropeode.problems import Problem
 from ropeode.simulation import Method
 from ropeode.theory import StepSamples
 
-# How long steps are beside the shortest time in which something changes.
-LENGTHS = np.array([1e-5, 1e-3, 0.03])
-# Errors of right steps from usual states differ by a factor of 5, whatever the method.
-_MORE = 15.0
-_USUAL = 12
 # Steps of the classical Runge-Kutta method that stand for the exact motion.
 _PARTS = 8
 # Of such a motion, into how many a frame is divided.
 _CHUNKS = 32
-# What a solver that iterates up to an absolute tolerance may leave, as a part of the state.
-_TOLERANCE = 1e-7
+# What a solver that iterates up to an absolute tolerance may leave, as a part of the state. In
+# units in which lengths or speeds are small numbers that is more, and rounding makes more of a
+# derivative by finite differences where they are large numbers; but never as much as all.
+_TOLERANCE, _MOST, _LARGE = 1e-7, 2e-3, 2.0**10
+
+_USUAL_UNITS = Units()
+
+
+@dataclasses.dataclass(frozen=True)
+class Case:
+    """States of a rope without a drive, in some units, at some place and time.
+
+    Arguments:
+        rope: in the usual units.
+        states: of it, likewise, ``(states, 2, nodes, dim)``.
+        units: in which the steps are made.
+        away: how far from its usual place, in units of length, ``(dim,)``.
+        later: how much later than the rope's start, in units of time.
+        least: what errors are usual there at least, over the lengths of steps.
+    """
+
+    rope: Problem
+    states: np.ndarray
+    units: Units = _USUAL_UNITS
+    away: Any = 0.0
+    later: float = 0.0
+    least: float = 0.0
+
+    @property
+    def moved(self) -> np.ndarray:
+        """The states in the units, at the place, ``(states, 2, nodes, dim)``."""
+        return self.states * self.units.state + self._shift
+
+    @property
+    def t(self) -> float:
+        """The time in the units."""
+        return float(self.rope.ts[0] + self.later) * self.units.time
+
+    @property
+    def _shift(self) -> np.ndarray:
+        away = np.broadcast_to(self.away, self.states.shape[-1:])
+        return self.units.length * np.stack([away, 0.0 * away])[:, None]
+
+    @property
+    def tolerance(self) -> float:
+        """What a step may err by in any case, as a part of the state."""
+        speed = self.units.length / self.units.time
+        small, large = min(self.units.length, speed), max(self.units.length, speed)
+        # A tolerance may be one for parts of the state.
+        part = max(1.0, float(np.max(np.abs(self.away))))
+        return min(max(part, 1.0 / small, large / _LARGE) * _TOLERANCE, _MOST)
+
+    def after(self, method: Method, dt: np.ndarray) -> tuple[np.ndarray, int]:
+        """The states after a step, in the usual units, ``(states, sizes, 2, nodes, dim)``.
+
+        Arguments:
+            method: the stepper.
+            dt: step sizes for each state, in the usual units, ``(states, sizes)``.
+
+        Returns:
+            The states, and the number of steps: two if the first is one of another kind.
+
+        Raises:
+            UserCodeError: the step raised.
+        """
+        samples = StepSamples(self.units.of(self.rope), method)
+        steps = 2 if samples.may_begin else 1
+        t = np.full(len(self.states), self.t)
+        states = samples.after(t, self.moved, dt * self.units.time, steps)[:, :, steps]
+        return (states - self._shift) / self.units.state, steps
 
 
 class LocalErrors(NamedTuple):
     """Errors of single steps, as parts of the way that a node goes meanwhile.
 
     Fields:
-        dt: step sizes, ``(states, sizes)``.
+        dt: step sizes in the usual units, ``(states, sizes)``.
         errors: of the node where they are largest, ``(states, sizes)``.
         left: what a tolerance may leave, in the same unit.
         node: which one that is.
@@ -44,81 +110,35 @@ class LocalErrors(NamedTuple):
     left: np.ndarray
     node: np.ndarray
 
-    def too_large(self, usual: np.ndarray) -> tuple[int, int] | None:
-        """The state and the size with the first error that is much larger than others."""
-        wrong = np.argwhere(~(self.errors <= _MORE * usual + self.left))
-        return (int(wrong[0, 0]), int(wrong[0, 1])) if len(wrong) else None
 
-    def words(self, state: int, size: int, usual: float) -> str:
-        """An error beside the usual one."""
-        error = self.errors[state, size]
-        errs = f"errs by {error:.1e} of its way"
-        if not np.isfinite(error):
-            errs = "returns a number that is not finite (nan or infinite)"
-        return (
-            f"a step (dt = {self.dt[state, size]:.2g}) {errs}, most at node "
-            f"{self.node[state, size]}, where {usual:.1e} is usual"
-        )
-
-
-def local_errors(problem: Problem, method: Method, y: np.ndarray, steps: np.ndarray) -> LocalErrors:
-    """Those of single steps from several states of a rope without a drive.
+def local_errors(case: Case, method: Method, lengths: np.ndarray) -> LocalErrors:
+    """Those of single steps from the states of a case.
 
     Arguments:
-        problem: the rope.
+        case: the states.
         method: the stepper.
-        y: states, ``(states, 2, nodes, dim)``.
-        steps: how long the steps are beside the shortest time in which something changes,
+        lengths: how long the steps are beside the shortest time in which something changes,
             ``(sizes,)``.
 
     Raises:
         UserCodeError: the step raised.
     """
-    args, fastest = problem.args, _fastest(y, problem.args)
-    dt = steps / fastest[:, None]
-    after = single_steps(problem, method, np.full(len(y), problem.ts[0]), y, dt)
-    off = _longest(after - y[:, None] - _moved(y, args, dt))
-    way = dt[:, :, None, None] * _speeds(y, args, fastest)[:, None]
+    y, args = case.states, case.rope.args
+    fastest = _fastest(y, args)
+    dt = lengths / fastest[:, None]
+    after, steps = case.after(method, dt)
+    off = _longest(after - y[:, None] - _moved(y, args, steps * dt))
+    way = steps * dt[:, :, None, None] * _speeds(y, args, fastest)[:, None]
     # A state in a unit of time in which the highest rate is one.
     units = np.stack([np.ones_like(fastest), fastest], axis=1)
     size = np.max(_longest(y) / units[:, :, None], axis=(1, 2))[:, None] * units
-    left = _TOLERANCE * size[:, None, :, None] / way
+    left = case.tolerance * size[:, None, :, None] / way
     errors = np.where(np.isfinite(off), off, np.inf) / way
     flat = (*errors.shape[:2], -1)
     errors, left = errors.reshape(flat), left.reshape(flat)
     most = np.argmax(errors / (1.0 + left), axis=2)[..., None]
     errors, left = (np.take_along_axis(each, most, axis=2)[..., 0] for each in (errors, left))
     return LocalErrors(dt, errors, left, most[..., 0] % y.shape[2])
-
-
-def single_steps(
-    problem: Problem, method: Method, t: np.ndarray, y: np.ndarray, dt: np.ndarray
-) -> np.ndarray:
-    """The states after one step, ``(states, sizes, *state)``.
-
-    Arguments:
-        problem: that the steps are made on.
-        method: the stepper.
-        t: times, ``(states,)``.
-        y: states, ``(states, *state)``.
-        dt: step sizes for each, ``(states, sizes)``.
-
-    Raises:
-        UserCodeError: the step raised.
-    """
-    return StepSamples(problem, method).after(t, y, dt, 1)[:, :, 1]
-
-
-def usual_errors(problem: Problem, method: Method) -> np.ndarray | None:
-    """The errors of steps of `LENGTHS` from states as a rope comes to, ``(sizes,)``.
-
-    None where a step from one of these does not move along the solution at all.
-    """
-    random = np.random.default_rng(0)
-    size = np.array([0.1, 0.5])[:, None, None] * problem.args.free[:, None]
-    states = problem.y0 + size * random.normal(size=(_USUAL, *problem.y0.shape))
-    usual = np.median(local_errors(problem, method, states, LENGTHS).errors, axis=0)
-    return usual if np.all(usual < 1.0) else None
 
 
 def why_unknown(error: UserCodeError) -> str:

@@ -16,12 +16,13 @@ from ropeode.checking.check_ropes import (
     in_other_units,
     renumbered,
 )
-from ropeode.checking.checks.local_errors import single_steps, why_unknown
+from ropeode.checking.checks.local_errors import why_unknown
 from ropeode.checking.checks.vanishing import judged
 from ropeode.checking.report import Finding
 from ropeode.checking.time_limit import within
 from ropeode.errors import UserCodeError
 from ropeode.problems import Problem
+from ropeode.theory import StepSamples
 
 _STEPS = 10
 # As a part of the rope's size: rounding is three digits smaller, and an asymmetric formula
@@ -182,8 +183,9 @@ def _at_many_times(examination: Examination) -> Finding | None:
     y = np.repeat(problem.y0[None], len(t), axis=0)
     try:
         dt = np.full((len(t), 1), _STEP)
-        work = functools.partial(single_steps, problem, examination.method, t, y, dt)
-        states = within(_SECONDS, "steps at many times", work)[:, 0]
+        samples = StepSamples(problem, examination.method)
+        work = functools.partial(samples.after, t, y, dt, 1)
+        states = within(_SECONDS, "steps at many times", work)[:, 0, 1]
     except UserCodeError as error:
         line = f"at other times: not known: {why_unknown(error)}"
         return Finding("time-shift", "note", line)

@@ -35,7 +35,7 @@ UNCLAIMED = ("stability",)
 AT_LAST = ("energy", "float32")
 _ENOUGH = 2
 # What these mutants do happens on no run of a check rope; the others run if none of these rejects.
-FAR = ("purity", "pins", "time-shift", "scales", "sizes", "far-states")
+FAR = ("purity", "pins", "time-shift", "thresholds")
 
 
 def rejected_by(mutant: Mutant, only: Sequence[str] | None = None) -> list[str]:
