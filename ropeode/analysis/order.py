@@ -354,10 +354,10 @@ class _Line(NamedTuple):
 def _is_evidence(low: float, high: float, order: int) -> bool:
     """Whether an interval that excludes an order is evidence against it."""
     width, narrow = high - low, _WIDE if _whole_orders(low, high) else _FRACTIONAL
-    # Errors that are as large as they can get fall more slowly than with order 1, or grow; before
-    # they are asymptotic many fall too quickly.
+    # Errors that are as large as they can get fall more slowly than with order 1, or swing; before
+    # they are asymptotic many fall too quickly. What grows is held against errors that stay.
     falling = high >= 1.0 or low >= _LEAST_ORDER
-    return width <= max(narrow, _FAR * (order - high) * falling)
+    return width <= max(narrow, _FAR * (order - high if falling else -high))
 
 
 def _enough(local: np.ndarray) -> int:

@@ -233,6 +233,8 @@ BENT, WIDE = FIVE**2 * (1 + 6 * FIVE), FIVE**2 * (1 + 20 * FIVE)
         # Errors that are as large as they can get say nothing of small ones.
         ([1.0, 1.1, 1.4, 1.8], 4, "undetermined"),
         (FIVE**0, 4, "does not converge"),
+        # What grows steadily is no such error. The interval is [-1.12, -0.76].
+        (BENT / FIVE**3, 2, "does not converge"),
     ],
 )
 def test_a_wide_interval_refutes_no_order_close_by(errors, expected, verdict):
