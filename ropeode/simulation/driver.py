@@ -12,7 +12,7 @@ import numpy as np
 from jax.extend.core import get_opaque_trace_state
 
 from ropeode.cache import Source
-from ropeode.simulation.jumps import between_jumps
+from ropeode.simulation.jumps import own_side
 from ropeode.simulation.kernel_fusion import in_one_kernel
 from ropeode.simulation.method import Family
 from ropeode.simulation.system import is_turned, positions_last, stored, system
@@ -173,17 +173,16 @@ class _Methods:
         def on_one(args: Any, t: Any, y: Any, dt: Any) -> Any:
             self._calls = 0
             outside = get_opaque_trace_state()
+            seen = own_side(family.sides, t + ahead * dt)
 
             def counted(function: Callable) -> Callable:
-                function = between_jumps(family.sides, t + ahead * dt, function)
-
                 def call(t: Any, state: Any, *others: Any) -> Any:
                     inside = get_opaque_trace_state() != outside
                     self._calls += not inside
                     self._looped |= inside
                     # What the first stage reads is stored anyway, as the step's input.
                     state = stored(state, always) if self._calls > 1 and not inside else state
-                    return function(t, state, *others)
+                    return function(seen(t), state, *others)
 
                 return call
 

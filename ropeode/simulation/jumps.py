@@ -70,16 +70,15 @@ def _rounding(problem: Problem) -> float:
     return _ROUNDING * float(np.spacing(np.max(np.abs(problem.ts))))
 
 
-def between_jumps(sides: Sides, inside: Any, function: Callable) -> Callable:
-    """A function of time and more that is evaluated between two jumps only.
+def own_side(sides: Sides, inside: Any) -> Callable[[Any], Any]:
+    """Gives times as a step sees them: none is beyond the jumps before and after it.
 
     Arguments:
         sides: of all jumps.
-        inside: a time between those two, such as the middle of a step.
-        function: ``(t, ...)``.
+        inside: a time between those two, such as the middle of the step.
     """
     if not sides:
-        return function
+        return lambda t: t
     traced = isinstance(inside, jax.Array)
     numpy: Any = jnp if traced else np
     before, after = np.array(sides).T
@@ -87,8 +86,8 @@ def between_jumps(sides: Sides, inside: Any, function: Callable) -> Callable:
     low = numpy.max(numpy.where(passed, after, -np.inf))
     high = numpy.min(numpy.where(passed, np.inf, before))
 
-    def asked(t: Any, *given: Any) -> Any:
+    def seen(t: Any) -> Any:
         numpy: Any = jnp if traced or isinstance(t, jax.Array) else np
-        return function(numpy.clip(t, low, high), *given)
+        return numpy.clip(t, low, high)
 
-    return asked
+    return seen

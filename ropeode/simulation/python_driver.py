@@ -15,7 +15,7 @@ import numpy as np
 from ropeode.errors import UserCodeError, call_user_code
 from ropeode.problems import Problem
 from ropeode.progress import Progress
-from ropeode.simulation.jumps import between_jumps, intervals, sides
+from ropeode.simulation.jumps import intervals, own_side, sides
 from ropeode.simulation.system import as_seen, as_stored, is_turned, system
 from ropeode.simulation.time_needed import TimeNeeded
 from ropeode.simulation.trajectory import Iterations
@@ -70,7 +70,8 @@ class PythonStepper:
         self.problem, self.calls = problem, 0
         self._stepper = stepper
         self._turned = is_turned(stepper, problem.mechanics)
-        self._sides, self._middle = sides(problem), float(problem.ts[0])
+        self._sides = sides(problem)
+        self._seen = own_side(self._sides, float(problem.ts[0]))
         self.system: System = system(
             problem.rhs,
             problem.mechanics,
@@ -83,9 +84,9 @@ class PythonStepper:
 
     def _counted(self, function: Callable) -> Callable:
         @functools.wraps(function)
-        def call(*given: Any) -> Any:
+        def call(t: Any, *given: Any) -> Any:
             self.calls += 1
-            return between_jumps(self._sides, self._middle, function)(*given)
+            return function(self._seen(t), *given)
 
         return call
 
@@ -124,7 +125,7 @@ class PythonStepper:
         self, function: Callable, t: float, given: Any, dt: float, ahead: float = 0.5
     ) -> Any:
         """Call a method, so many steps before the middle of its step."""
-        self._middle = t + ahead * dt
+        self._seen = own_side(self._sides, t + ahead * dt)
         return call_user_code("step", function, self.system, t, given, dt)
 
 

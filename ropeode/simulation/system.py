@@ -15,7 +15,7 @@ from jax.tree_util import Partial
 
 from ropeode.problems import Mechanics
 from ropeode.problems.links import LinearDamping
-from ropeode.simulation.jumps import Sides, between_jumps
+from ropeode.simulation.jumps import Sides, own_side
 from ropeode.simulation.user_clock import on_user_clock
 from ropeode.steppers import Equations, Phase, Stepper, System
 from ropeode.validation import bad_value
@@ -122,8 +122,12 @@ def on_stored_states(
     turned = is_turned(stepper, mechanics)
 
     def bound(args: Any, inside: Any) -> System:
-        own_side = functools.partial(between_jumps, sides, inside)
-        return system(rhs, mechanics, args, counted=own_side, turned=turned)
+        seen = own_side(sides, inside)
+
+        def from_here(function: Callable) -> Callable:
+            return lambda t, *given: function(seen(t), *given)
+
+        return system(rhs, mechanics, args, counted=from_here, turned=turned)
 
     def init(args: Any, t: Any, y: Any, dt: Any) -> Any:
         own = bound(args, t + dt / 2)
