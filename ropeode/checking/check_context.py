@@ -143,9 +143,7 @@ class Examination:
         """The order that is claimed on a problem; None where nothing is."""
         if self.claims.order is None and self._declared is not None:
             return self._declared.order(problem_class(problem))
-        if self.claims.damped_order is not None and problem_class(problem).damped:
-            return self.claims.damped_order
-        return self.claims.order
+        return self.claims.order_on(problem_class(problem))
 
     @property
     def symplectic(self) -> bool | None:

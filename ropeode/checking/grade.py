@@ -55,6 +55,7 @@ def grade(
     expected_order: int | None = None,
     *,
     method: str | None = None,
+    damped_order: int | None = None,
     accuracy: float | None = None,
     rtol: float | None = None,
     diagnose: bool = True,
@@ -73,6 +74,8 @@ def grade(
             frame.
         expected_order: the order that the program should have; None to measure it.
         method: the stepper of ropeode that the program is meant to be, in place of an order.
+        damped_order: the order that is enough if the problem has damping, as 1 for velocity Verlet
+            with forces from the velocity at the start of the step.
         accuracy: as for `ropeode.reference`.
         rtol: as for `ropeode.reference`.
         diagnose: look for the cause if the order is wrong or not claimed.
@@ -98,9 +101,9 @@ def grade(
         'right'
     """
     started = time.perf_counter()
-    claims = checked_claims(Claims(expected_order, method))
+    claims = checked_claims(Claims(expected_order, method, damped_order=damped_order))
     own = problem_of(problem)
-    expected = claims.order
+    expected = claims.order_on(problem_class(own))
     if claims.method is not None:
         stepper = as_stepper(claims.method)
         stepper.require(own)

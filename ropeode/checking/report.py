@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Literal
 from ropeode.analysis import ObservedOrder
 from ropeode.display import Tabular
 from ropeode.json_form import json_shows
+from ropeode.steppers import ProblemClass
 from ropeode.theory import Diagnosis
 
 Status = Literal["pass", "fail", "undetermined", "note", "skip"]
@@ -39,6 +40,11 @@ class Claims:
     reversible: bool | None = None
     conserves_energy: bool | None = None
     damped_order: int | None = None
+
+    def order_on(self, kind: ProblemClass) -> int | None:
+        """The order that is claimed on problems of a class; None if none is."""
+        other = kind.damped and self.damped_order is not None
+        return self.damped_order if other else self.order
 
 
 @json_shows(

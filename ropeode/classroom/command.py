@@ -124,7 +124,12 @@ def grade_class(
         memory_mib,
         values=values,
         folder=str((spec_folder or Path()).resolve()),
-        arguments={"dts": dts, "expected_order": claims.order, "method": claims.method},
+        arguments={
+            "dts": dts,
+            "expected_order": claims.order,
+            "method": claims.method,
+            "damped_order": claims.damped_order,
+        },
         truth=hashlib.sha256(truth.states.tobytes()).hexdigest(),
         time_limit=job.spec.time_limit or TIME_LIMIT,
     )

@@ -38,6 +38,7 @@ ASSIGNMENTS = ("games101",)
 @table_options(without=OF_RUNS)
 @dt_option
 @click.option("--order", metavar="N", help="The order that the program should have.")
+@click.option("--damped-order", metavar="N", help="Likewise, on problems with damping. [--order]")
 @click.option("--method", metavar="NAME", help="What it is meant to be; see `ropeode steppers`.")
 @click.option(
     "--init", metavar="DIR", type=click.Path(), help="Write a spec and a program to start from."
@@ -54,6 +55,7 @@ def grade(
     files: tuple[Path, ...],
     dt: list[str] | None,
     order: str | None,
+    damped_order: str | None,
     method: str | None,
     init: str | None,
     assignment: str | None,
@@ -77,7 +79,7 @@ def grade(
     if some are wrong, and 2 if some have no verdict.
     """
     if init is not None:
-        others = files or dt or order or method or memory or rubric or out or form
+        others = files or dt or order or damped_order or method or memory or rubric or out or form
         return _init(init, assignment, options, bool(others))
     if assignment is not None:
         raise bad_value("assignment", assignment, "one with --init", "add --init DIR")
@@ -96,7 +98,7 @@ def grade(
         from ropeode.classroom import grade_class
 
         spec = values_from(None, options)
-        claims = Claims(order, method)  # type: ignore[arg-type]
+        claims = Claims(order, method, damped_order=damped_order)  # type: ignore[arg-type]
         mebibytes = memory_limit(memory)
         return grade_class(folder, *spec, dt, claims, mebibytes, rubric, chosen, path)
 
@@ -111,6 +113,7 @@ def grade(
             dt,
             order,  # type: ignore[arg-type]
             method=method,
+            damped_order=damped_order,  # type: ignore[arg-type]
             progress=progress,
             **job.spec.asked,
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from trajectory_writing import finding
-from written_programs import Program, explicit, kutta3, midpoint, semi_implicit
+from written_programs import Program, explicit, kick_drift_kick, kutta3, midpoint, semi_implicit
 
 from ropeode import InextensibleRope, Rope, grade, reference
 
@@ -62,6 +62,12 @@ def test_the_one_mistake_is_named(known, tmp_path, rope, change, cause, words):
     assert diagnosis.cause == cause
     assert words in diagnosis.line
     assert diagnosis.evidence.get("misfit", 0.0) < 1e-8
+
+
+def test_an_order_that_damping_lowers_may_be_claimed_apart(known, tmp_path):
+    files = Program(known["moving"].problem, method=kick_drift_kick).files(tmp_path, (64, 128, 256))
+    assert grade(files, known["moving"], expected_order=2, diagnose=False).verdict == "wrong"
+    assert grade(files, known["moving"], expected_order=2, damped_order=1).passed
 
 
 def test_rounded_steps_added_up_make_a_step_too_many(known, tmp_path):

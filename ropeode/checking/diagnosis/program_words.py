@@ -63,7 +63,7 @@ def diagnose_program(problem: Problem, runs: Runs, truth: np.ndarray) -> Diagnos
     if program.changed == ("damping",):
         # Any damping can be said as a further one.
         others = [each for each in others if each.changed != ("further",)]
-    same = f"to {program.misfit:.1g} of the motion over the first {program.frames} frames"
+    same = f"to {program.misfit:.1g} of the motion, over the first {program.frames} frames"
     if program.is_right:
         method, words = program.method, ""
         order = method.order
@@ -93,7 +93,10 @@ def diagnose_program(problem: Problem, runs: Runs, truth: np.ndarray) -> Diagnos
         "frames": program.frames,
         "misfit": program.misfit,
     }
-    line = f"{words}. So changed, {program.method.name} computes the positions in the files, {same}"
+    line = (
+        f"{words}. With this change, {program.method.name} reproduces the positions in the files "
+        f"{same}"
+    )
     return Diagnosis(cause, line, evidence, remedy)
 
 

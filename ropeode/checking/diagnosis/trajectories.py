@@ -33,6 +33,7 @@ from ropeode.checking.diagnosis.fitted_terms import (
 from ropeode.checking.diagnosis.limits import ObservedLimit, Runs, observe_limit
 from ropeode.checking.diagnosis.rope_forces import Forces, has_rope_forces, right_terms
 from ropeode.checking.report import Diagnosis
+from ropeode.checking.trajectories.convergence import first_frames
 from ropeode.checking.written_precision import rounding_of
 from ropeode.norms import NORMS
 from ropeode.precision import in_float64
@@ -115,15 +116,16 @@ def _diagnose_limit(
     bounds = [reference.bound(NORMS[f"{name}-max"])[frames] for name in limit.problem.quantities]
     if limit.misfit(beginning.states, np.reshape(bounds, (-1, 1, 1))) <= 1.0:
         return _unknown(
-            f"the runs tend to the right solution over the first {frames} frames, with order "
-            f"{orders or 'none'}; runs of a single problem cannot show why the order is too low"
+            f"the runs tend to the right solution over the first {first_frames(frames)}, with "
+            f"order {orders or 'none'}; runs of a single problem cannot show why the order is too "
+            "low"
         )
     if limit.stands_still(beginning):
         return _unknown("the rope stops moving as dt goes to 0")
     if frames < _FEWEST_FRAMES:
         return _unknown(
             f"the runs tend to a wrong solution, but their limit is certain enough for a fit only "
-            f"over the first {frames} frames, too few to keep some back to confirm it; use "
+            f"over the first {first_frames(frames)}, too few to keep some back to confirm it; use "
             "smaller steps, or samples at shorter intervals"
         )
     confirmed = _confirmed(limit, frames, runs, beginning)

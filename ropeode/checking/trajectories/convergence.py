@@ -249,12 +249,17 @@ def _third_finest(runs: Sequence[Run]) -> float:
 def _too_coarse(reference: Reference, dt: float, rate: float) -> str:
     """Why runs that do not converge are no evidence."""
     frames = resolved_frames(reference, dt, rate)
-    over = f"over the first {frames} frames alone" if frames else "in no frame"
+    over = f"over the first {first_frames(frames)} alone" if frames else "in no frame"
     return (
         f"the steps are too coarse to tell: the fastest part of the motion changes at a rate of "
         f"{rate:.3g}, which dt = {dt:.3g} resolves {over}; three runs with dt <= "
         f"{resolving_step(reference, rate):.2g} would resolve the first frame"
     )
+
+
+def first_frames(frames: int) -> str:
+    """So many of the first frames, after "the first": one is not counted."""
+    return "frame" if frames == 1 else f"{frames} frames"
 
 
 def shown(order: ObservedOrder) -> bool:
@@ -300,7 +305,7 @@ def _unstable(reference: Reference, runs: Sequence[Run], unstable: dict[str, lis
     )
     before = [
         f"{order.observed:.2f} [{order.ci95[0]:.2f}, {order.ci95[1]:.2f}] in {name} over the first "
-        + ("frame" if frames == 1 else f"{frames} frames")
+        + first_frames(frames)
         for name, (frames, order) in before_blow_up(reference, runs).items()
         if order.ci95 is not None
     ]

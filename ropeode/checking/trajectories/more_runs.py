@@ -27,7 +27,7 @@ from ropeode.simulation import simulate, step_size
 from ropeode.steppers import as_stepper
 from ropeode.study import problem_class
 from ropeode.theory import stability_limit
-from ropeode.validation import listed
+from ropeode.validation import counted, listed
 
 # What courses teach and games use.
 FIRST = (
@@ -104,7 +104,9 @@ def _orders_in_words(names: Sequence[str], orders: Sequence[float]) -> str:
 
 
 def _in_words(steps: Sequence[int]) -> str:
-    return f"{'runs' if len(steps) > 1 else 'a run'} with {listed(steps)} steps per frame"
+    *others, last = steps
+    with_last = listed([*others, counted(last, "step")])
+    return f"{'runs' if others else 'a run'} with {with_last} per frame"
 
 
 def _from_reasons(convergence: Convergence, runs: Sequence[Run]) -> str:
@@ -292,7 +294,7 @@ def advice(problem: Problem, claims: Claims, finest: float) -> str:
     """
     limits = _limits(problem, claims)
     words = "; ".join(
-        f"{name} is stable here from {limit} steps per frame on"
+        f"{name} is stable here from {counted(limit, 'step')} per frame on"
         if limit is not None
         else f"{name} is stable here at no number of steps per frame that was tried"
         for name, limit in limits.items()
@@ -301,7 +303,7 @@ def advice(problem: Problem, claims: Claims, finest: float) -> str:
     one = step_size(problem, 1)
     first = max(min(known, default=1), round(2 * one / finest))
     counts = [first * 2**k for k in range(_RUNS)]
-    add = f"add runs with {listed(counts)} steps per frame (dt <= {one / first:.3g}) to begin with"
+    add = f"add {_in_words(counts)} (dt <= {one / first:.3g}) to begin with"
     return f"{words}; {add}" if words else add
 
 
