@@ -1,13 +1,14 @@
-"""Which wrong steppers are rejected, and by which checks.
+"""Which wrong steppers are rejected, by which checks, and with which words.
 
     python benchmarks/mutants.py --out docs/data/mutants.jsonl
     python benchmarks/mutants.py --out docs/data/mutants.jsonl --show families
     python benchmarks/mutants.py --out again.jsonl --sample 10 --seed 1
 
 Each mutant of tests/checking/mutants is checked with the claims of the right stepper that it was
-made from. Each outcome is written to the file at once; the same command resumes if interrupted.
-`--show` checks nothing, and prints a table of the outcomes in the file, for
-docs/validation/testing-the-checks.md. `--sample 10` draws a tenth of the mutants at random.
+made from, and the words for what is wrong are kept beside the checks that reject it. Each outcome
+is written to the file at once; the same command resumes if interrupted. `--show` checks nothing,
+and prints a table of the outcomes in the file, for docs/validation/testing-the-checks.md.
+`--sample 10` draws a tenth of the mutants at random.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from __future__ import annotations
 import argparse
 import json
 import random
+import re
 import sys
 import warnings
 from pathlib import Path
@@ -27,8 +29,8 @@ from tabulate import tabulate
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.outcomes import lines_in
-from ropeode.checking import CHECKS, SLOW
-from tests.checking.mutants.all import LOOPS, MUTANTS, REFUSED, SURVIVORS, rejected_by
+from ropeode.checking import CHECKS, SLOW, CheckReport
+from tests.checking.mutants.all import LOOPS, MUTANTS, REFUSED, SURVIVORS, failed_of, report_on
 
 Record = dict[str, dict[str, Any]]
 
@@ -106,7 +108,62 @@ def survivors(record: Record) -> str:
     return tabulate(rows, ["mutant", "why"], tablefmt="pipe")
 
 
-SHOWN = {each.__name__: each for each in (families, checks, alone, quick, claims, survivors)}
+# Causes that name no mistake: nothing was found, or only how far terms are off.
+_NO_NAME = ("unknown", "unfinished")
+
+
+def _named(report: CheckReport | None) -> list[dict[str, str]]:
+    """The diagnosis of a mutant; where none is made, the line of the check that rejects it."""
+    if report is None:
+        return []
+    if report.diagnosis:
+        return [
+            {"cause": each.cause, "words": each.line, "fix": each.remedy}
+            for each in report.diagnosis
+        ]
+    return [
+        {"cause": finding.check, "words": finding.line, "fix": ""} for finding in report.failed[:1]
+    ]
+
+
+def _kind(line: dict[str, Any]) -> str:
+    """How a rejected mutant is named."""
+    said = line["named"]
+    if any(each["cause"] in _NO_NAME for each in said):
+        return "nothing"
+    if said[0]["cause"] in CHECKS:
+        return "check"
+    return "terms" if all(_NUMBERS.search(each["words"]) for each in said) else "named"
+
+
+# How words end that only say how far terms are off.
+_NUMBERS = re.compile(r"times what it should be|of its size|change at another rate|is off by")
+
+
+def names(record: Record) -> str:
+    """How many mutants have a name, by family; and each that has none."""
+    told = {name: line for name, line in record.items() if line.get("named")}
+    kinds = ("named", "check", "terms", "nothing")
+    rows = [
+        [family, len(of), *(of.count(kind) for kind in kinds)]
+        for family, of in (
+            *(
+                (family, [_kind(line) for line in told.values() if line["family"] == family])
+                for family in dict.fromkeys(line["family"] for line in told.values())
+            ),
+            ("all", [_kind(line) for line in told.values()]),
+        )
+    ]
+    head = ["made from", "mutants", "named", "by the check", "terms and factors", "nothing"]
+    without = [
+        f"- {name}: {line['named'][0]['words']}"
+        for name, line in told.items()
+        if _kind(line) in ("terms", "nothing")
+    ]
+    return "\n".join([tabulate(rows, head, tablefmt="pipe"), "", *without])
+
+
+SHOWN = {each.__name__: each for each in (families, checks, alone, quick, claims, survivors, names)}
 
 
 def main() -> None:
@@ -129,8 +186,13 @@ def main() -> None:
     missing = [MUTANTS[name] for name in names if name not in record]
     with options.out.open("a") as file:
         for mutant in track(missing, description="mutants", console=Console(stderr=True)):
+            report = report_on(mutant, diagnose=True)
             line = {"name": mutant.name, "family": mutant.family, "change": mutant.change}
-            record[mutant.name] = {**line, "rejected_by": rejected_by(mutant)}
+            record[mutant.name] = {
+                **line,
+                "rejected_by": failed_of(report),
+                "named": _named(report),
+            }
             file.write(json.dumps(record[mutant.name]) + "\n")
             file.flush()
     for name in MUTANTS:

@@ -33,6 +33,8 @@ EXPLAINED = {name for name in CHECKS if name.startswith("order-")} | {
 }
 # Those that tell a method from another one of the same order.
 _OF_A_METHOD = {"stability", "energy", "symplectic", "reversible"}
+# Names of checks that are made no more, and the one that finds what they found.
+_REPLACED = dict.fromkeys(("far-states", "sizes", "scales"), "thresholds")
 # A step that seems to obey a threshold may be one that differs from call to call.
 _THRESHOLDS = ("time-shift", "thresholds")
 
@@ -237,7 +239,7 @@ def chosen_checks(only: Iterable[str] | None, skip: Iterable[str], quick: bool) 
     skip = [skip] if isinstance(skip, str) else list(skip)
     only = [only] if isinstance(only, str) else None if only is None else list(only)
     asked = (*(only or ()), *skip)
-    faults = [unknown("check", name, CHECKS) for name in asked if name not in CHECKS]
+    faults = [_no_check(name) for name in asked if name not in CHECKS]
     if faults:
         raise InputError(faults)
     left_out = {*skip, *(SLOW if quick and only is None else ())}
@@ -245,3 +247,11 @@ def chosen_checks(only: Iterable[str] | None, skip: Iterable[str], quick: bool) 
     if not names:
         raise bad_value("only", only, "at least one check", "skip fewer")
     return names
+
+
+def _no_check(name: str) -> str:
+    """The complaint about a name of no check, with the check that took its place."""
+    if name in _REPLACED:
+        taken = _REPLACED[name]
+        return f"check: {name!r} given; {taken!r} has taken its place. Fix: write {taken!r}"
+    return unknown("check", name, CHECKS)

@@ -302,7 +302,9 @@ def _change(place: _Place, mine: Row, other: Row) -> _Change:
     if len(different) > 1 and ratio and all(map(same, mine, [ratio * each for each in other])):
         return _Change(1, f"its slopes times {_shown(ratio)} in {place.name}")
     entries = [_entry(place.symbol.format(i + 1), mine[i], other[i]) for i in different]
-    return _Change(len(entries), listed(entries))
+    # Weights may all be mistaken for others.
+    most = _CHANGES if place.name == "the result" else len(entries)
+    return _Change(min(len(entries), most), listed(entries))
 
 
 def _changed_times(given: AnyTableau, known: AnyTableau) -> Iterator[_Change]:

@@ -23,7 +23,7 @@ from ropeode.theory.rope_terms import (
     own_terms,
 )
 from ropeode.theory.term_factors import Factor, Fault, mistakes_in
-from ropeode.theory.terms import TERMS, mass
+from ropeode.theory.terms import TERMS, by_power, mass
 from ropeode.validation import listed
 
 # How the sentence of a diagnosis begins.
@@ -35,6 +35,9 @@ _EXPLAINED = 1e-6
 _SPREAD, _UNCERTAIN = 1e-9, 3.0
 # Of a number, what rounding its factors to float32 takes off at most.
 _FLOAT32 = 1e-6
+# A step this much shorter than the longest still moves by more than rounding, with dt^2 too.
+_SHORT = 1e-3
+_DT_AS_GIVEN = "use dt as it is given: x_new = x + dt * v, v_new = v + dt * a"
 _POSITIONS = "x_new = x + dt * v + dt**2 / 2 * a"
 _PINS = "let the acceleration and the velocity of pinned nodes be 0"
 _DAMPING = " * damping / mass"
@@ -59,6 +62,16 @@ _FORMS = (
 )
 _SINE = "the driving force with a sine in place of the cosine"
 _OF_ZERO = "the driving force is the one of t = 0"
+# The numbers of a rope by which a term is changed; all that accelerate it, for the acceleration.
+_MADE_BY = {
+    **{name: (name,) for name in ("gravity", "drive", "damping")},
+    "spring": ("stiffness",),
+    "rest": ("rest_length",),
+    "all": ("gravity", "drive", "damping", "stiffness"),
+}
+# How closely what a term changes grows with the square of dt; what is nothing beside it.
+_SQUARED, _TINY = 0.1, 1e-300
+_ONCE = "multiply each force by dt once: v_new = v + dt * a"
 # How many states must be on each side of a threshold.
 _SOME = 3
 
@@ -94,7 +107,10 @@ def diagnose_equation(
         ):
             faults += by_velocity
     if accelerated:
-        faults += [_at_run_time(fault, expansions) for fault in _velocities(expansions, evidence)]
+        faults += [
+            _with_dt(_at_run_time(fault, expansions), expansions)
+            for fault in _velocities(expansions, evidence)
+        ]
     if kept is not None and not all(fault.named for fault in faults):
         # What it loses at each step is mixed with what it adds.
         return None
@@ -124,6 +140,26 @@ def _at_run_time(fault: Fault, expansions: Sequence[Expansion]) -> Fault:
         if np.max(np.abs(again - twice)) > _SPREAD * np.max(np.abs(twice)):
             return fault._replace(words=f"{_OF_ZERO} at the start of each run")
     return fault
+
+
+def _with_dt(fault: Fault, expansions: Sequence[Expansion]) -> Fault:
+    """Where a term is left out at dt = 0: whether it is there, multiplied by dt once more.
+
+    Then the velocities change with it by dt^2.
+    """
+    gone = " is left out"
+    name = next((n for n in _MADE_BY if fault.words == TERMS[n].name + gone), None)
+    if name is None:
+        return fault
+    for each in expansions:
+        dt, args = each.ladder[:, None] / 8.0 * np.array([1.0, 0.5]), each.problem.args
+        others = {field: 0.5 * getattr(args, field) for field in _MADE_BY[name]}
+        halved = each.samples.on(each.problem.changed(args=args._replace(**others)))
+        own, other = (of.after(each.t, each.y, dt, 1)[:, :, 1, 1] for of in (each.samples, halved))
+        long, short = np.max(np.abs(own - other), axis=(0, 2, 3))
+        if not abs(np.log2(max(long, _TINY) / max(short, _TINY)) - 2.0) < _SQUARED:
+            return fault
+    return Fault(by_power(name, 1.0), remedy=_ONCE)
 
 
 def _free(expansions: Sequence[Expansion], kept: np.ndarray) -> np.ndarray:
@@ -176,8 +212,8 @@ def _pace(expansions: Sequence[Expansion]) -> Diagnosis | None:
             {"pace": pace, "rest": found.rest},
             "write fractions as such (dt / 6), in float64",
         )
-    if abs(pace) < _EXPLAINED:
-        return Diagnosis("equation", _standstill(expansions), {"pace": 0.0})
+    if abs(pace) < _EXPLAINED and (words := _standstill(expansions)):
+        return Diagnosis("equation", words, {"pace": 0.0}, _DT_AS_GIVEN)
     return Diagnosis(
         "pace",
         f"time runs {pace:.6g} times as fast as it should: at dt = 0 positions and velocities both "
@@ -189,12 +225,20 @@ def _pace(expansions: Sequence[Expansion]) -> Diagnosis | None:
 
 
 def _standstill(expansions: Sequence[Expansion]) -> str:
-    """In words, that short steps do not move at all; long ones may."""
-    moves = any(
-        np.any(each.samples.after(each.t, each.y, each.ladder[:, None], 1)[:, 0, 1] != each.y)
-        for each in expansions
+    """In words, that short steps do not move at all; nothing if they move with a power of dt."""
+    long, short = (
+        any(
+            np.any(
+                each.samples.after(each.t, each.y, part * each.ladder[:, None], 1)[:, 0, 1]
+                != each.y
+            )
+            for each in expansions
+        )
+        for part in (1.0, _SHORT)
     )
-    if moves:
+    if short:
+        return ""
+    if long:
         return "short steps do not move at all, and long ones do: dt is rounded, or cut off"
     return "the step does not move at all"
 

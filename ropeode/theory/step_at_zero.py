@@ -33,11 +33,15 @@ def diagnose_identity(expansions: Sequence[Expansion]) -> Diagnosis | None:
         [
             (
                 float(np.max(each.error[half])),
-                *(base[:, 0, node], base[:, 1, node], each.value[:, half, node]),
+                (base[:, 0, node], base[:, 1, node], rates[:, 1, node]),
+                each.value[:, half, node],
                 *(args, node),
             )
-            for (base, each), args in zip(
-                found, (each.problem.args for each in expansions), strict=True
+            for (base, each), rates, args in zip(
+                found,
+                (each.slopes for each in expansions),
+                (each.problem.args for each in expansions),
+                strict=True,
             )
             for node in np.flatnonzero(args.free)
         ]
@@ -66,7 +70,7 @@ def diagnose_identity(expansions: Sequence[Expansion]) -> Diagnosis | None:
         line = f"at dt = 0 the step changes the state by up to {evidence['size']:.2g} of its size"
         line += where
         return Diagnosis("identity", f"{line}, {_NO_LIMIT}", evidence, _UNCHANGED)
-    (xx, xv), (vx, vv) = (np.array(each).T for each in (of_x, of_v))
+    (xx, xv, xa), (vx, vv, va) = (np.array(each).T for each in (of_x, of_v))
     evidence |= {
         "positions": {"times_position": _mean(xx), "times_velocity": _mean(xv)},
         "velocities": {"times_position": _mean(vx), "times_velocity": _mean(vv)},
@@ -85,7 +89,13 @@ def diagnose_identity(expansions: Sequence[Expansion]) -> Diagnosis | None:
         texts.append("the new velocities do not contain the old ones")
     if not _all(vx, 0.0):
         texts.append(f"velocities change by {_range(vx)} times the positions, without dt")
-    if _all(vv, -1.0) or _all(vv, 0.0):
+    without_dt = [
+        f"{quantity} change by {_range(share)} times the acceleration, without dt"
+        for quantity, share in (("positions", xa), ("velocities", va))
+        if not _all(share, 0.0)
+    ]
+    texts += without_dt
+    if without_dt or _all(vv, -1.0) or _all(vv, 0.0):
         line = f"at dt = 0 {'; '.join(texts)}"
         return Diagnosis("identity", line, evidence, _UNCHANGED)
     damping = np.array([args.damping[node] for *_, args, node in velocities])
@@ -211,12 +221,16 @@ def _shortest_step(expansions: Sequence[Expansion]) -> Diagnosis | None:
     return Diagnosis("identity", line, {"size": change / size, "part": _SHORTEST})
 
 
-def _coefficients(nodes: list[tuple]) -> list[tuple[float, float]] | None:
-    """By which part of its position and of its velocity each node changes; None if by neither."""
+def _coefficients(nodes: list[tuple]) -> list[tuple[float, ...]] | None:
+    """By which parts of its position, velocity and acceleration each node changes.
+
+    Returns:
+        None if it changes by something else.
+    """
     found = []
-    for error, x, v, change, _, _ in nodes:
-        each = projected(change.ravel(), np.stack([x.ravel(), v.ravel()]))
-        least = _EXPLAINED * max(np.max(np.abs(change)), _EXPLAINED * np.max(np.abs(v)))
+    for error, fields, change, _, _ in nodes:
+        each = projected(change.ravel(), np.stack([field.ravel() for field in fields]))
+        least = _EXPLAINED * max(np.max(np.abs(change)), _EXPLAINED * np.max(np.abs(fields[1])))
         if each.rest > max(least, _UNCERTAIN * error):
             return None
         found.append(tuple(map(float, each.coefficients)))

@@ -61,6 +61,10 @@ class StepSamples:
         """Whether it may begin as another method than it goes on as: those of ropeode do not."""
         return not (self.carries_state or isinstance(self._method.stepper, BuiltIn))
 
+    def on(self, problem: Problem) -> StepSamples:
+        """The same of another problem."""
+        return StepSamples(problem, self._method, self._settled)
+
     @in_float64
     def after(self, t: np.ndarray, y: np.ndarray, dt: np.ndarray, steps: int) -> np.ndarray:
         """The states after 0, 1, ..., `steps` steps, as the stepper hands them out.

@@ -106,6 +106,13 @@ def said(name: str, value: float, equals: Callable[[float], bool] | None = None)
     return f"{term.name} {times(value, equals)}"
 
 
+def by_power(name: str, exponent: float) -> str:
+    """A sentence: a term is multiplied by a power of dt that it should not have."""
+    if exponent < 0.0:
+        return f"{TERMS[name].name} is divided by dt, or dt is missing there"
+    return f"{TERMS[name].name} is multiplied by dt {'once' if exponent == 1.0 else 'twice'} more"
+
+
 def times(value: float, equals: Callable[[float], bool] | None = None) -> str:
     """What follows the subject where a term has a factor; arguments as for `said`."""
     for mistake, factor in _NUMBERS.items():

@@ -15,7 +15,7 @@ from ropeode.checking.diagnosis.programs import (
 from ropeode.checking.report import Diagnosis
 from ropeode.checking.simple_numbers import shortest
 from ropeode.problems import Problem
-from ropeode.theory.terms import TERMS, said
+from ropeode.theory.terms import TERMS, by_power, said
 from ropeode.validation import listed
 
 # How precisely a number is found, as a part of itself and of the right one.
@@ -158,9 +158,6 @@ def _by_power(program: Program, value: float, exponent: float) -> tuple[str, str
     term = TERMS[program.changed[0]]
     if exponent == 0.0:
         return "parameters", said(program.changed[0], value), term.remedy
-    if exponent > 0.0:
-        more = "once more" if exponent == 1.0 else "twice more"
-        return "step-size", f"{term.name} is multiplied by dt {more}", term.remedy
-    if "damping" in term.name:
+    if exponent < 0.0 and "damping" in term.name:
         return "damping-per-step", _PER_STEP.format(f"{term.name} acts once per step"), _SCALE
-    return "step-size", f"{term.name} is divided by dt, or dt is missing there", term.remedy
+    return "step-size", by_power(program.changed[0], exponent), term.remedy

@@ -226,7 +226,8 @@ def _with_cost(
     if not lines:
         return diagnosis
     if costs == _COSTS[:1] and best >= expected:
-        remedies = [diagnosis.remedy] if expected == 2 else remedies
+        if expected == 2 and diagnosis.cause == "lagged-damping":
+            remedies = [diagnosis.remedy]
         remedies.append(f"or claim order {order} on problems with damping")
     first, *others = (*lines, diagnosis.line)
     return dataclasses.replace(

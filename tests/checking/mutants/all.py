@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -46,35 +47,49 @@ def rejected_by(mutant: Mutant, only: Sequence[str] | None = None) -> list[str]:
         only: names of checks, for a stepper. By default all but those that cannot reject it run,
             and those in `AT_LAST` only if fewer than two others reject it, or none of quick mode.
     """
+    return failed_of(report_on(mutant, only))
+
+
+def failed_of(report: CheckReport | None) -> list[str]:
+    """The checks that failed; `REFUSED` if there is no report."""
+    if report is None:
+        return [REFUSED]
+    return [finding.check for finding in report.failed]
+
+
+def report_on(
+    mutant: Mutant, only: Sequence[str] | None = None, diagnose: bool = False
+) -> CheckReport | None:
+    """What `check_stepper` or `grade` reports of a mutant; None if they refuse it.
+
+    Arguments:
+        mutant: as for `rejected_by`.
+        only: likewise.
+        diagnose: whether to look for the cause, too.
+    """
     try:
         if mutant.family == "trajectory loop":
-            report = _graded(mutant)
-            return [REFUSED] if report.exit_code == 2 else _failed(report)
+            report = _graded(mutant, diagnose)
+            return None if report.exit_code == 2 else report
+        check = functools.partial(check_stepper, mutant.make(), diagnose=diagnose, **mutant.claims)
         if only is not None:
-            return _failed(_checked(mutant, only=only))
-        if mutant in THRESHOLDS and (failed := _failed(_checked(mutant, only=FAR))):
-            return failed
-        failed = _failed(_checked(mutant, skip=(*UNCLAIMED, *AT_LAST)))
+            return check(only=only)
+        if mutant in THRESHOLDS and (report := check(only=FAR)).failed:
+            return report
+        report = check(skip=(*UNCLAIMED, *AT_LAST))
+        failed = failed_of(report)
         if len(failed) >= _ENOUGH and not set(failed) <= set(SLOW):
-            return failed
-        return _failed(_checked(mutant, skip=UNCLAIMED))
+            return report
+        return check(skip=UNCLAIMED)
     except InputError:
-        return [REFUSED]
+        return None
 
 
-def _graded(mutant: Mutant) -> CheckReport:
+def _graded(mutant: Mutant, diagnose: bool) -> CheckReport:
     problem, program, files = convergence_problems()["unequal"], mutant.make(), []
     with tempfile.TemporaryDirectory() as folder:
         for dt in STEP_SIZES:
             t, x, v = map(np.array, zip(*program(problem, dt), strict=True))
             files.append(Path(folder) / f"dt-{dt:.4f}.npz")
             np.savez(files[-1], t=t, positions=x, velocities=v, dt=dt)
-        return grade(files, problem, diagnose=False, **mutant.claims)
-
-
-def _checked(mutant: Mutant, **chosen: Sequence[str]) -> CheckReport:
-    return check_stepper(mutant.make(), diagnose=False, **chosen, **mutant.claims)
-
-
-def _failed(report: CheckReport) -> list[str]:
-    return [finding.check for finding in report.failed]
+        return grade(files, problem, diagnose=diagnose, **mutant.claims)
