@@ -11,10 +11,9 @@ from ropeode.json_form import json_shows
 from ropeode.precision import in_float64
 from ropeode.problems import Problem
 from ropeode.simulation import method_of, simulate, step_size
-from ropeode.theory.conserved import with_leaves
 from ropeode.theory.expansion import expanded
 from ropeode.theory.step_samples import StepSamples
-from ropeode.theory.structure import Setting
+from ropeode.theory.structure import Setting, with_leaves
 from ropeode.validation import check_whole
 
 # Gauss points on the straight line from each sample to the next, and the most samples.
@@ -95,7 +94,7 @@ def modified_energy_of(
     symplectic, there is no such function, and the integral depends on the way.) It is as
     exact as d is known, which is to 1e-6 or so.
 
-    Damping is left out, as by `ropeode.theory.structure.structure`.
+    Damping is left out, as by `structure_of`.
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, section IX.3.
 
@@ -117,7 +116,7 @@ def modified_energy_of(
     method = method_of(stepper, problem)
     problem = with_leaves(problem, {"damping": 0.0})
     setting = Setting.of(problem)
-    if setting is None or not setting.flow.hamiltonian:
+    if setting is None or not setting.hamiltonian:
         return "the problem is not Hamiltonian, as far as its energy says"
     run = simulate(problem, method, steps)
     if run.status != "ok":
@@ -133,10 +132,8 @@ def modified_energy_of(
     flat = on_lines.reshape(-1, *problem.y0.shape)
     at = np.full(len(flat), problem.ts[0])
     errors = expanded(samples, at, flat, longest).rate(order).value
-    free = setting.flow.free
-    slopes = [
-        error.ravel()[free] @ setting.flow.form(y) for y, error in zip(flat, errors, strict=True)
-    ]
+    free = setting.free
+    slopes = [error.ravel()[free] @ setting.form(y) for y, error in zip(flat, errors, strict=True)]
     along = np.reshape(slopes, (_POINTS, len(way), -1)) * way.reshape(len(way), -1)[:, free]
     parts = 0.5 * np.tensordot(weights, np.sum(along, axis=2), 1)
     correction = np.concatenate([[0.0], np.cumsum(parts)])

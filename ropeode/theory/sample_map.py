@@ -15,8 +15,6 @@ from ropeode.simulation import Method, StepMap
 _SAME = 1e-9
 # Newton's method for what is carried where a sample is wanted: iterations, and what is left.
 _ITERATIONS, _LEFT = 8, 1e-12
-# A derivative that is worse conditioned has no inverse.
-_CONDITION = 1e10
 
 
 class NoSampleMap(Exception):
@@ -26,10 +24,11 @@ class NoSampleMap(Exception):
 class SampleMap:
     """One step of a stepper as a map of states, with its derivative.
 
-    Of a stepper whose step depends on the state alone that is a start, a step, and the sample. A
-    two-step method in positions remembers a position; it carries as many numbers as a state
-    has, and each sample shows all of them: its map goes back from a sample to what is carried.
-    (A method that starts in another way than it goes on has the map of how it goes on.)
+    A stepper starts from a state, and what it then carries is corrected by as little as possible
+    such that its sample is that state. Of a stepper whose step depends on the state alone nothing
+    is to be corrected. A two-step method in positions remembers a position, which the sample shows
+    as a velocity: its map goes back from a sample to what is carried. (A method that starts in
+    another way than it goes on has the map of how it goes on.)
 
     Arguments:
         problem: does not depend on time.
@@ -38,20 +37,18 @@ class SampleMap:
         dt: a step size like those to come.
 
     Raises:
-        NoSampleMap: there is no such map.
+        NoSampleMap: there is no such map: started again at a sample, it goes on in another way.
     """
 
     def __init__(self, problem: Problem, method: Method, y: np.ndarray, dt: float):
         self._map = StepMap(problem, method)
         self.exact = self._map.exact
+        self._every = np.ones(problem.y0.shape[1:], dtype=bool)
+        self._derivatives: dict[tuple[bytes, float], np.ndarray] = {}
         first = self._map.step(self._map.start(y, dt), dt)
-        sample = self._map.sample(first, dt)
         second = self._map.sample(self._map.step(first, dt), dt)
-        again = self._map.sample(self._map.step(self._map.start(sample, dt), dt), dt)
-        size = np.max(np.abs(second))
-        starts_there = np.max(np.abs(self._map.first_sample(y, dt) - y)) <= _SAME * size
-        self.has_memory = not (starts_there and np.max(np.abs(again - second)) <= _SAME * size)
-        if self.has_memory and np.size(ravel_pytree(first)[0]) != y.size:
+        again = self(self._map.sample(first, dt), dt)
+        if not np.max(np.abs(again - second)) <= _SAME * np.max(np.abs(second)):
             raise NoSampleMap
 
     def __call__(self, y: np.ndarray, dt: float) -> np.ndarray:
@@ -59,43 +56,35 @@ class SampleMap:
         return self._map.sample(self._map.step(self._carried(y, dt), dt), dt)
 
     def derivative(self, y: np.ndarray, dt: float, free: np.ndarray) -> np.ndarray:
-        """Of this map, ``(free components, free components)``.
+        """Of this map, ``(free components, free components)``; of each state computed once.
 
         Arguments:
             y: a state.
             dt: step size.
             free: which components of the flat state to look at, ``(components,)``.
         """
-        if not self.exact and not self.has_memory:
-            return self._map.differences(
-                lambda near: self(near.reshape(y.shape), dt).ravel(), y.ravel(), free
-            )
-        carried = self._carried(y, dt)
-        after = self._map.step(carried, dt)
-        every = np.ones(np.size(ravel_pytree(carried)[0]), dtype=bool)
-        step = self._map.derivative(carried, dt, every)
-        moved = self._map.sample_derivative(after, dt) @ step
-        if self.has_memory:
-            before = self._inverse(self._map.sample_derivative(carried, dt))
-        else:
-            before = self._map.start_derivative(y, dt)
-        return (moved @ before)[free][:, free]
+        key = y.tobytes(), dt
+        if key not in self._derivatives:
+            carried = self._carried(y, dt)
+            moving = self._map.moving(carried, self._every)
+            shown = self._map.sample_derivative(carried, dt)[:, moving]
+            start = self._map.start_derivative(y, dt)[moving]
+            start = start + np.linalg.pinv(shown) @ (np.eye(y.size) - shown @ start)
+            after = self._map.sample_derivative(self._map.step(carried, dt), dt)[:, moving]
+            self._derivatives[key] = after @ self._map.derivative(carried, dt, moving) @ start
+        return self._derivatives[key][free][:, free]
 
     def _carried(self, y: np.ndarray, dt: float) -> Any:
         """What is carried where the sample is `y`."""
-        if not self.has_memory:
-            return self._map.start(y, dt)
-        flattened, unravel = ravel_pytree(self._map.start(y, dt))
-        flat: Any = np.array(flattened)
+        carried = self._map.start(y, dt)
         for _ in range(_ITERATIONS):
-            carried = unravel(flat)
             missing = (y - self._map.sample(carried, dt)).ravel()
-            flat = flat + self._inverse(self._map.sample_derivative(carried, dt)) @ missing
+            if not np.all(np.isfinite(missing)):
+                break
             if np.max(np.abs(missing)) <= _LEFT * np.max(np.abs(y)):
-                return unravel(flat)
+                return carried
+            flat, unravel = ravel_pytree(carried)
+            shown = self._map.sample_derivative(carried, dt)
+            corrected: Any = np.asarray(flat) + np.linalg.pinv(shown) @ missing
+            carried = unravel(corrected)
         raise NoSampleMap
-
-    def _inverse(self, matrix: np.ndarray) -> np.ndarray:
-        if not np.all(np.isfinite(matrix)) or np.linalg.cond(matrix) > _CONDITION:
-            raise NoSampleMap
-        return np.linalg.inv(matrix)

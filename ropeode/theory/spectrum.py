@@ -85,7 +85,7 @@ def spectrum_of(problem: Problem, times: np.ndarray, states: np.ndarray) -> Spec
         times: of the states, ``(times,)``.
         states: ``(times, *state)``.
     """
-    matrices = np.asarray(_derivative(problem.rhs)(times, states, problem.args))
+    matrices = derivatives_of_rhs(problem, times, states)
     if problem.mechanics is not None:
         free = np.tile(free_coordinates(problem).ravel(), 2)
         matrices = matrices[:, free][:, :, free]
@@ -98,9 +98,19 @@ def spectrum_of(problem: Problem, times: np.ndarray, states: np.ndarray) -> Spec
     return Spectrum(np.asarray(times), np.where(still, 0.0, eigenvalues), rounding)
 
 
+def derivatives_of_rhs(problem: Problem, times: np.ndarray, states: np.ndarray) -> np.ndarray:
+    """The derivative of the right-hand side with respect to a flat state, ``(times, size, size)``.
+
+    Arguments:
+        problem: whose right-hand side it is.
+        times: of the states, ``(times,)``.
+        states: ``(times, *state)``.
+    """
+    return np.asarray(_compiled(problem.rhs)(times, states, problem.args))
+
+
 @functools.lru_cache(maxsize=64)
-def _derivative(rhs: Rhs) -> Callable:
-    """Of flat states, for many at once."""
+def _compiled(rhs: Rhs) -> Callable:
 
     def one(t: Any, y: Any, args: Any) -> Any:
         return jax.jacfwd(lambda flat: rhs(t, flat.reshape(y.shape), args).ravel())(y.ravel())

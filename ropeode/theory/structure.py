@@ -4,21 +4,28 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-from collections.abc import Callable, Sequence
-from typing import Any
+import functools
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from ropeode.precision import in_float64
-from ropeode.problems import Problem, free_coordinates
+from ropeode.problems import Problem, compiled, free_coordinates
 from ropeode.simulation import Method, method_of
-from ropeode.theory.conserved import Conserved, scales, with_leaves
 from ropeode.theory.sample_map import NoSampleMap, SampleMap
-from ropeode.theory.spectrum import spectrum_of
+from ropeode.theory.spectrum import derivatives_of_rhs, spectrum_of
 
 # The longest step, in turns of the fastest mode over 2 pi, and how often it is halved.
 _LONGEST, _HALVINGS = 1.5, 8
 _STATES = 2
+# How far along its tangent a solution is followed, in turns of the fastest mode over 2 pi; weights
+# of differences of eighth order; and what rounding leaves of a change that is none, of right-hand
+# sides in JAX and in Python, whose derivatives are differences.
+_SHORT, _WEIGHTS = 2.0**-8, {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
+_ROUNDING, _IN_PYTHON = 1e-9, 1e-6
 # How far nodes are moved from where they start, as a part of the problem's size.
 _AWAY = 0.05
 # What rounding leaves of no defect: of values, and of derivatives, exact and by differences.
@@ -29,6 +36,16 @@ _TOLERATED = 1e-6
 _CLEAR, _WHOLE = 30.0, 0.2
 # By which power of dt a defect goes at most that belongs to a method and not to its iteration.
 _STEEPEST = 12
+_MOMENTA = ("momentum", "angular momentum")
+_OF_ENERGY = ("symplectic", "energy", *_MOMENTA)
+# Why there is nothing to ask for, where the exact solution has not the property itself.
+_LACKS = {
+    "symplectic": "the problem is not Hamiltonian, so that no form is known to be preserved",
+    "reversible": "the exact solution is not reversible",
+    "volume": "the exact solution does not keep volume in phase space",
+    "energy": "the problem does not keep its energy",
+    **dict.fromkeys(_MOMENTA, "no component of it is known to be constant"),
+}
 _NO_MAP = (
     "what the step carries remembers more than the state shows, so that it is no map of states"
 )
@@ -94,28 +111,52 @@ def structure_of(
     setting = Setting.of(undamped)
     if setting is None:
         return "nothing moves"
-    step = _sample_map(setting, method)
-    slopes = _Slopes(step, setting.flow.free)
-    found: dict[str, Callable[[], Property]] = {
-        "symplectic": lambda: _symplectic(setting, step, slopes),
-        "reversible": lambda: _reversible(setting, step),
-        "volume": lambda: _volume(setting, step, slopes),
-        "energy": lambda: _energy(setting, step),
-        "momentum": lambda: _momentum(setting, method, "linear"),
-        "angular momentum": lambda: _momentum(setting, method, "angular"),
-    }
-    return {name: found[name]() for name in (found if only is None else only)}
+    return {name: _property(setting, method, name) for name in (_LACKS if only is None else only)}
+
+
+class _Map(Protocol):
+    """A map of states that depends on a step size, and its derivative."""
+
+    def __call__(self, y: np.ndarray, dt: float) -> np.ndarray: ...
+
+    def derivative(self, y: np.ndarray, dt: float, free: np.ndarray) -> np.ndarray: ...
+
+
+class _Tangent:
+    """The map ``y + dt f(y)``, which is the exact solution to first order in dt."""
+
+    def __init__(self, problem: Problem):
+        self._problem = problem
+
+    def __call__(self, y: np.ndarray, dt: float) -> np.ndarray:
+        problem = self._problem
+        return y + dt * np.asarray(compiled(problem.rhs)(problem.ts[0], y, problem.args))
+
+    def derivative(self, y: np.ndarray, dt: float, free: np.ndarray) -> np.ndarray:
+        slope = derivatives_of_rhs(self._problem, self._problem.ts[:1], y[None])[0]
+        return np.eye(np.sum(free)) + dt * slope[np.ix_(free, free)]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Setting:
-    """Where steps are tried: a problem, states of it, and step sizes."""
+    """Where steps are tried, and what they may miss there.
+
+    With the energy ``E(x, v)`` the canonical momenta are ``p = dE/dv``. (Of ``T + V`` with a
+    kinetic energy T quadratic in the velocities, these are those of the Lagrangian ``T - V``.)
+
+    Arguments:
+        problem: a mechanical one.
+        states: ``(states, *state)``.
+        dts: step sizes, the longest first.
+        rate: of the fastest mode, per time unit.
+        free: which components of a flat state can move.
+    """
 
     problem: Problem
     states: np.ndarray
     dts: np.ndarray
     rate: float
-    flow: Conserved
+    free: np.ndarray
 
     @classmethod
     def of(cls, problem: Problem) -> Setting | None:
@@ -133,7 +174,80 @@ class Setting:
         # A speed with which the fastest mode would swing about so far.
         states = problem.y0 + np.array([1.0, 0.3 * rate]).reshape(2, *[1] * free.ndim) * away
         dts = _LONGEST / rate * 0.5 ** np.arange(_HALVINGS + 1)
-        return cls(problem, states, dts, rate, Conserved(problem, states, free, rate))
+        return cls(problem, states, dts, rate, np.tile(free.ravel(), 2))
+
+    @functools.cached_property
+    def hamiltonian(self) -> bool:
+        """Whether the exact solution keeps the energy, and with it the form ``dx ^ dp``."""
+        return bool(np.all(self.kept("energy")) and np.all(self.kept("symplectic")))
+
+    @functools.cached_property
+    def _steady(self) -> bool:
+        """Whether the equation does not depend on time."""
+        rhs, args = compiled(self.problem.rhs), self.problem.args
+        begin, end = self.problem.ts[0], self.problem.ts[-1]
+        return all(np.array_equal(rhs(begin, y, args), rhs(end, y, args)) for y in self.states)
+
+    def kept(self, name: str) -> np.ndarray:
+        """Which components of a defect the exact solution has not, as far as is known.
+
+        These do not change along its tangent, to first order.
+        """
+        if not self._steady or (self.problem.energy is None and name in _OF_ENERGY):
+            return np.zeros(1, dtype=bool)
+        tangent, short = _Tangent(self.problem), _SHORT / self.rate
+        changes = [
+            sign * weight * self.defect(name, y, tangent, sign * k * short)
+            for y in self.states
+            for k, weight in _WEIGHTS.items()
+            for sign in (1, -1)
+        ]
+        change = np.sum(np.reshape(changes, (_STATES, 2 * len(_WEIGHTS), -1)), axis=1)
+        rounding = _IN_PYTHON if self.problem.in_python else _ROUNDING
+        return np.all(np.abs(change) <= rounding * _SHORT, axis=0)
+
+    def defect(self, name: str, y: np.ndarray, step: _Map, dt: float) -> np.ndarray:
+        """By how much a step misses a property, relative to what is kept, ``(components,)``."""
+        if name == "symplectic":
+            unit = np.repeat([1.0, self.rate], np.sum(self.free) // 2)
+            slope, form = step.derivative(y, dt, self.free), self.form(y)
+            moved = slope.T @ self.form(step(y, dt)) @ slope - form
+            # In units of positions and velocities in which the fastest mode turns with radius 1.
+            moved, form = (unit[:, None] * each * unit for each in (moved, form))
+            return moved.ravel() / np.max(np.abs(form))
+        if name == "volume":
+            change = np.linalg.slogdet(step.derivative(y, dt, self.free))[1]
+            if self.hamiltonian:
+                # The determinant of the form is the square of that of the momenta.
+                ends = [np.linalg.slogdet(self.form(each))[1] for each in (y, step(y, dt))]
+                change += 0.5 * (ends[1] - ends[0])
+            return np.expm1(change)[None]
+        if name == "reversible":
+            turn = np.array([1.0, -1.0]).reshape(2, *[1] * (y.ndim - 1))
+            units = np.array([1.0, 1.0 / self.rate]).reshape(turn.shape)
+            back = turn * step(turn * step(y, dt), dt)
+            return (units * (back - y)).ravel() / np.max(np.abs(units * y))
+        (before, size), (after, _) = (self._quantity(name, each) for each in (y, step(y, dt)))
+        return (after - before) / size
+
+    def _quantity(self, name: str, y: np.ndarray) -> tuple[np.ndarray, float]:
+        """The energy or a momentum of a state, ``(components,)``, and the size of its parts."""
+        energy, p = _compiled_energy(self.problem.energy)[0](
+            self.problem.ts[0], y, self.problem.args
+        )
+        if name == "energy":
+            return np.array([energy]), float(abs(energy) + abs(np.sum(p * y[1])))
+        x, p = (self.problem.quantity("position", each[None])[0] for each in (y, np.stack([p, p])))
+        parts = p if name == "momentum" else _cross(x, p)
+        return np.sum(parts, axis=0), float(np.max(np.sum(np.abs(parts), axis=0), initial=0.0))
+
+    def form(self, y: np.ndarray) -> np.ndarray:
+        """The form ``dx ^ dp`` in the coordinates that can move, ``(2 free, 2 free)``."""
+        half, slopes = y.size // 2, _compiled_energy(self.problem.energy)[1]
+        slopes = np.asarray(slopes(self.problem.ts[0], y, self.problem.args)).reshape(half, -1)
+        in_x, in_v = slopes[:, :half], slopes[:, half:]
+        form = np.block([[in_x - in_x.T, in_v], [-in_v.T, np.zeros((half, half))]])
+        return form[np.ix_(self.free, self.free)]
 
     def property(
         self,
@@ -200,22 +314,32 @@ def _shrinks(sizes: np.ndarray) -> bool:
     return len(sizes) > 1 and bool(sizes[-1] <= sizes[0] * 0.5 ** (len(sizes) - 1))
 
 
-class _Slopes:
-    """The derivatives of a map, each computed once."""
+def _property(own: Setting, method: Method, name: str) -> Property:
+    setting, kept, note = own, own.kept(name), ""
+    if name in _MOMENTA and not np.any(kept):
+        # Momenta are constant without pins and gravity, if not with them.
+        loose = Setting.of(with_leaves(own.problem, {"gravity": 0.0, "free": 1.0}))
+        if loose is not None:
+            setting, kept, note = loose, loose.kept(name), "without pins and gravity"
+    if own.problem.energy is None and name in _OF_ENERGY:
+        return own.missing("the problem declares no energy")
+    if not (np.any(kept) if name in _MOMENTA else np.all(kept)):
+        return own.missing(_LACKS[name])
+    step = _sample_map(setting, method)
+    if step is None:
+        return setting.missing(_NO_MAP)
+    rounding, tried = _VALUES, (_STATES, _HALVINGS + 1)
+    if name in ("symplectic", "volume"):
+        # Differences take long.
+        rounding, tried = (_EXACT, tried) if step.exact else (_DIFFERENCES, (1, 5))
 
-    def __init__(self, step: SampleMap | None, free: np.ndarray):
-        self._step, self._free = step, free
-        self._found: dict[tuple[bytes, float], np.ndarray] = {}
+    def defect(y: np.ndarray, dt: float) -> float:
+        return float(np.max(np.abs(setting.defect(name, y, step, dt)[kept])))
 
-    def __call__(self, y: np.ndarray, dt: float) -> np.ndarray:
-        """At a state, ``(free components, free components)``."""
-        assert self._step is not None
-        key = y.tobytes(), dt
-        if key not in self._found:
-            self._found[key] = self._step.derivative(y, dt, self._free)
-        return self._found[key]
+    return setting.property(defect, rounding, tried, note)
 
 
+@functools.lru_cache(maxsize=4)
 def _sample_map(setting: Setting, method: Method) -> SampleMap | None:
     # An implicit step may fail where it is long.
     for dt in setting.dts.tolist():
@@ -227,93 +351,38 @@ def _sample_map(setting: Setting, method: Method) -> SampleMap | None:
     return None
 
 
-def _symplectic(setting: Setting, step: SampleMap | None, slopes: _Slopes) -> Property:
-    flow = setting.flow
-    if not flow.hamiltonian:
-        why = "declares no energy" if flow.energy is None else "is not Hamiltonian"
-        return setting.missing(f"the problem {why}, so that no form is known to be preserved")
-    if step is None:
-        return setting.missing(_NO_MAP)
+def with_leaves(problem: Problem, values: Mapping[str, float]) -> Problem:
+    """A problem with the arguments of some names set to a number each.
 
-    def defect(y: np.ndarray, dt: float) -> float:
-        scale = scales(int(np.sum(flow.free)), setting.rate)
-        derivative = slopes(y, dt)
-        before, after = flow.form(y), flow.form(step(y, dt))
-        off = scale[:, None] * (derivative.T @ after @ derivative - before) * scale
-        return float(np.max(np.abs(off)) / np.max(np.abs(scale[:, None] * before * scale)))
+    Arguments:
+        problem: whose `args` are a named tuple, a dict or the like; others stay as they are.
+        values: by the name of a field.
+    """
 
-    return setting.property(defect, *_of_derivatives(step))
+    def changed(path: Any, leaf: Any) -> Any:
+        last = path[-1] if path else None
+        name = str(getattr(last, "name", getattr(last, "key", "")))
+        return np.full_like(leaf, values[name]) if name in values else leaf
 
-
-def _volume(setting: Setting, step: SampleMap | None, slopes: _Slopes) -> Property:
-    flow = setting.flow
-    if not flow.volume:
-        return setting.missing("the exact solution does not keep volume in phase space")
-    if step is None:
-        return setting.missing(_NO_MAP)
-
-    def defect(y: np.ndarray, dt: float) -> float:
-        change = np.linalg.slogdet(slopes(y, dt))[1]
-        if flow.hamiltonian:
-            # The determinant of the form is the square of that of the momenta.
-            ends = [np.linalg.slogdet(flow.form(each))[1] for each in (y, step(y, dt))]
-            change += 0.5 * (ends[1] - ends[0])
-        return float(abs(np.expm1(change)))
-
-    return setting.property(defect, *_of_derivatives(step))
+    args = jax.tree_util.tree_map_with_path(changed, problem.args)
+    return problem.changed(args=args, exact=None)
 
 
-def _reversible(setting: Setting, step: SampleMap | None) -> Property:
-    if not setting.flow.reversible:
-        return setting.missing("the exact solution is not reversible")
-    if step is None:
-        return setting.missing(_NO_MAP)
-    turn = np.array([1.0, -1.0]).reshape(2, *[1] * (setting.problem.y0.ndim - 1))
-    units = np.array([1.0, 1.0 / setting.rate]).reshape(turn.shape)
-
-    def defect(y: np.ndarray, dt: float) -> float:
-        back = turn * step(turn * step(y, dt), dt)
-        return float(np.max(np.abs(units * (back - y))) / np.max(np.abs(units * y)))
-
-    return setting.property(defect, _VALUES)
+def _cross(x: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """The angular momentum of each node; of none in one dimension."""
+    if x.shape[-1] == 2:
+        return (x[..., 0] * p[..., 1] - x[..., 1] * p[..., 0])[..., None]
+    return np.cross(x, p) if x.shape[-1] == 3 else np.zeros((*x.shape[:-1], 0))
 
 
-def _energy(setting: Setting, step: SampleMap | None) -> Property:
-    flow = setting.flow
-    if not flow.energy:
-        why = "declares no energy" if flow.energy is None else "does not keep its energy"
-        return setting.missing(f"the problem {why}")
-    if step is None:
-        return setting.missing(_NO_MAP)
+@functools.lru_cache(maxsize=64)
+def _compiled_energy(energy: Any) -> tuple[Callable, Callable]:
+    """Energy with momenta, and the derivative of the momenta."""
 
-    def defect(y: np.ndarray, dt: float) -> float:
-        before, size = flow.energies(y)
-        return abs(flow.energies(step(y, dt))[0] - before) / size
+    def momenta(t: Any, y: Any, args: Any) -> Any:
+        return jax.grad(lambda v: energy(t, jnp.stack([y[0], v]), args))(y[1])
 
-    return setting.property(defect, _VALUES)
+    def both(t: Any, y: Any, args: Any) -> Any:
+        return energy(t, y, args), momenta(t, y, args)
 
-
-def _momentum(own: Setting, method: Method, which: str) -> Property:
-    setting, note = own, ""
-    if not np.any(getattr(own.flow, which)):
-        # Momenta are constant without pins and gravity, if not with them.
-        loose = Setting.of(with_leaves(own.problem, {"gravity": 0.0, "free": 1.0}))
-        if loose is None or not np.any(getattr(loose.flow, which)):
-            return own.missing("no component of it is known to be constant")
-        setting, note = loose, "without pins and gravity"
-    step = _sample_map(setting, method)
-    if step is None:
-        return setting.missing(_NO_MAP)
-    constant = getattr(setting.flow, which)
-    momenta = setting.flow.momenta if which == "linear" else setting.flow.angular_momenta
-
-    def defect(y: np.ndarray, dt: float) -> float:
-        (before, size), (after, _) = momenta(y), momenta(step(y, dt))
-        return float(np.max(np.abs(after - before)[constant]) / np.max(size))
-
-    return setting.property(defect, _VALUES, note=note)
-
-
-def _of_derivatives(step: SampleMap) -> tuple[float, tuple[int, int]]:
-    """What rounding leaves, and how many states and step sizes to try: differences take long."""
-    return (_EXACT, (_STATES, _HALVINGS + 1)) if step.exact else (_DIFFERENCES, (1, 5))
+    return jax.jit(both), jax.jit(jax.jacfwd(momenta, argnums=1))
