@@ -7,6 +7,7 @@ from .python_driver import one_at_a_time as one_at_a_time
 from .python_driver import take_turn_from as take_turn_from
 from .run import simulate as simulate
 from .run import simulate_chunks as simulate_chunks
+from .step_map import CompiledAhead as CompiledAhead
 from .step_map import StepMap as StepMap
 from .system import InUnits as InUnits
 from .system import as_seen as as_seen

@@ -214,14 +214,19 @@ def _flat(carried: Any) -> tuple[np.ndarray, Callable]:
     return np.concatenate([leaf.ravel() for leaf in leaves]).astype(np.float64), unravel
 
 
-class _Compiled:
-    """A function of a user's stepper, compiled before the user's clock runs."""
+class CompiledAhead:
+    """A function of a user's stepper, compiled before the user's clock runs.
+
+    Arguments:
+        function: of JAX.
+    """
 
     def __init__(self, function: Callable):
         self._jitted = jax.jit(function)
         self._compiled: dict[Hashable, Callable] = {}
 
     def __call__(self, *given: Any) -> Any:
+        """What the function returns, on the user's clock."""
         leaves, structure = jax.tree.flatten(given)
         key = structure, tuple((np.shape(leaf), jnp.result_type(leaf)) for leaf in leaves)
         if key not in self._compiled:
@@ -233,7 +238,7 @@ class _Compiled:
 @functools.lru_cache(maxsize=64)
 def _compiled(method: Method, rhs: Rhs, mechanics: Mechanics | None) -> tuple[Callable, ...]:
     """`_functions`, compiled; the same for all methods that compute the same."""
-    compiled = jax.jit if isinstance(method.stepper, BuiltIn) else _Compiled
+    compiled = jax.jit if isinstance(method.stepper, BuiltIn) else CompiledAhead
     return tuple(map(compiled, _functions(method.stepper, rhs, mechanics)))
 
 

@@ -1,8 +1,13 @@
-"""What a stepper does to a linear test equation, as matrices."""
+"""What a stepper does to the linear equations on which its stability is judged, as matrices.
+
+A step sees real arrays only. So a complex number ``a + ib`` acts as the real matrix
+``[[a, -b], [b, a]]`` on pairs of numbers.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import functools
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -12,9 +17,17 @@ import jax.numpy as jnp
 import numpy as np
 
 from ropeode.problems import Problem
-from ropeode.simulation import Method, PythonStepper, on_stored_states, on_user_clock, one_at_a_time
+from ropeode.problems.links import LinearDamping
+from ropeode.simulation import (
+    CompiledAhead,
+    Method,
+    PythonStepper,
+    on_stored_states,
+    on_user_clock,
+    one_at_a_time,
+)
 from ropeode.steppers import BuiltIn, Stepper
-from ropeode.theory.linear_equations import Spring
+from ropeode.theory.step_samples import StepSamples, in_batches
 
 # Rows that a compiled program takes at once, and springs side by side in NumPy.
 _CHUNK, _TOGETHER = 1024, 256
@@ -25,6 +38,85 @@ _RUN, _LONG_RUN, BEGINNINGS = 3, 32, (1, 2, 4, 8, 16)
 # Of the largest entry: what is no zero, and by how much powers of a matrix may be others. An
 # implicit step solves its equations to a tolerance.
 _ZERO, _SAME = 1e-12, 1e-8
+
+
+class Rate(NamedTuple):
+    """The complex number lambda of ``y' = lambda y``."""
+
+    real: Any
+    imaginary: Any
+
+
+class Spring(NamedTuple):
+    """The numbers of ``x'' = -k x - rate x'`` with a complex k."""
+
+    real: Any
+    imaginary: Any
+    rate: Any
+
+
+@functools.cache
+def _first_order() -> Problem:
+    """``y' = lambda y``; its state is ``(2,)``, its frame 1."""
+    return Problem(
+        _decay, np.array([1.0, 0.5]), np.arange(2.0), Rate(-1.0, 1.0), name="y' = lambda y"
+    )
+
+
+@functools.cache
+def _second_order() -> Problem:
+    """``x'' = -k x - rate x'``; its positions are one node of two components, its frame 1."""
+    return Problem.second_order(
+        _pull,
+        [[1.0, 0.5]],
+        [[0.0, 0.0]],
+        [0.0, 1.0],
+        Spring(1.0, 0.0, 0.0),
+        damping=_damping,
+        name="x'' = -k x - rate x'",
+    )
+
+
+def _turned(real: Any, imaginary: Any, y: Any) -> Any:
+    """The product with a complex number; pairs stand on the last axis."""
+    return real * y + imaginary * jnp.stack([-y[..., 1], y[..., 0]], axis=-1)
+
+
+def _decay(t: Any, y: Any, args: Rate) -> Any:
+    del t
+    return _turned(args.real, args.imaginary, y)
+
+
+def _pull(t: Any, x: Any, v: Any, args: Spring) -> Any:
+    del t
+    return -_turned(args.real, args.imaginary, x) - args.rate * v
+
+
+def _damping(args: Spring) -> LinearDamping:
+    # The mass is 1.
+    return LinearDamping(args.rate, args.rate)
+
+
+_EQUATIONS: dict[Any, Callable[[], Problem]] = {Rate: _first_order, Spring: _second_order}
+
+
+def rates(z: np.ndarray) -> np.ndarray:
+    """The `args` of ``y' = z y``, one row for each, ``(numbers, 2)``."""
+    z = np.asarray(z, dtype=complex)
+    return np.stack([np.real(z), np.imag(z)], axis=-1)
+
+
+def springs(z: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """The `args` of the spring whose motions are ``exp(z t)`` and ``exp(other t)``.
+
+    Arguments:
+        z, other: the two roots, whose sum is real, ``(numbers,)``.
+
+    Returns:
+        One row for each pair, ``(numbers, 3)``.
+    """
+    k = np.asarray(z, dtype=complex) * other
+    return np.stack([np.real(k), np.imag(k), -np.real(z + np.asarray(other))], axis=-1)
 
 
 class _Memory(NamedTuple):
@@ -45,19 +137,17 @@ class LinearMethod:
     """A stepper on one of the test equations.
 
     Arguments:
-        equation: from `ropeode.theory.linear_equations`.
+        kind: `Rate` or `Spring`.
         method: that is ready to run.
     """
 
-    def __init__(self, equation: Problem, method: Method):
-        self.kind = type(equation.args)
-        self.size = equation.y0.size
+    def __init__(self, kind: type[Rate] | type[Spring], method: Method):
+        self.kind, self.equation = kind, _EQUATIONS[kind]()
+        self.size = self.equation.y0.size
         self.is_one_step, self.is_together = True, False
-        self._shape = equation.y0.shape
-        self._stepper = method.stepper.on(None)
-        self.equation = equation
         own = type(method.stepper)
         self._may_begin = own.init is not Stepper.init and not issubclass(own, BuiltIn)
+        self._method = dataclasses.replace(method, stepper=method.stepper.on(None))
         self._beginning = BEGINNINGS[0]
         self.is_compiled = method.trial.compiled
 
@@ -69,14 +159,14 @@ class LinearMethod:
         Returns:
             Whether all steps of a run are one linear map of what is carried, after the first ones.
         """
-        samples = self.powers(args)
-        if not self.is_compiled and self.kind is Spring:
-            self.is_together = True
-            with contextlib.suppress(Exception):
-                self.is_together = _same(self.powers(args), samples)
-        if self._may_begin:
-            samples = self.powers(args, _LONG_RUN)
+        samples = self.powers(args, _LONG_RUN if self._may_begin else _RUN)
         once = samples[:, 1]
+        if not self.is_compiled and self.kind is Spring:
+            with contextlib.suppress(Exception):
+                side_by_side = np.stack(
+                    [self._together(args, e) for e in np.eye(self.size)], axis=2
+                )
+                self.is_together = _same(side_by_side, once)
         self.is_one_step = _same(samples[:, 0], np.broadcast_to(np.eye(self.size), once.shape))
         self.is_one_step &= all(
             _same(samples[:, k + 1], samples[:, k] @ once) for k in range(1, samples.shape[1] - 1)
@@ -130,167 +220,98 @@ class LinearMethod:
         if not self.is_one_step:
             kept = self._kept if np.any(args[:, 1]) else self._kept_if_real
             return self._memory(args).step[:, kept][:, :, kept]
-        columns = [
-            self.runs(args, np.broadcast_to(unit, (len(args), self.size)), steps=1)[:, 1]
-            for unit in np.eye(self.size)[::2]
-        ]
-        found = np.stack(columns, axis=2)
+        units = np.eye(self.size)[::2]
+        if self.is_compiled:
+            once, _ = _programs(self._method.stepper, self.kind)
+            found = in_batches(once, (args,), _CHUNK)
+        elif self.is_together and len(args) > 1:
+            found = np.stack([self._together(args, unit) for unit in units], axis=2)
+        else:
+            found = np.stack([self.runs(row, units, steps=1)[:, 1].T for row in args])
         return found[:, ::2] + 1j * found[:, 1::2]
 
     def powers(self, args: np.ndarray, steps: int = _RUN) -> np.ndarray:
         """From a state at the start to the samples of a run, ``(cases, samples, size, size)``."""
-        units = np.broadcast_to(np.eye(self.size)[:, None], (self.size, len(args), self.size))
-        return np.stack([self.runs(args, unit, steps=steps) for unit in units], axis=3)
+        runs = [self.runs(row, np.eye(self.size), steps=steps) for row in args]
+        return np.moveaxis(np.stack(runs), 1, 3)
 
     def runs(
-        self,
-        args: np.ndarray,
-        y: np.ndarray,
-        t: float = 0.0,
-        dt: float = 1.0,
-        steps: int = _RUN,
+        self, row: np.ndarray, y: np.ndarray, t: float = 0.0, dt: float = 1.0, steps: int = _RUN
     ) -> np.ndarray:
-        """The samples of short runs, ``(cases, steps + 1, size)``.
+        """The samples of short runs of one case, ``(runs, steps + 1, size)``.
 
         Arguments:
-            args: ``(cases, numbers)``.
-            y: where they start, ``(cases, size)``.
+            row: its numbers.
+            y: where they start, ``(runs, size)``.
             t, dt: when they start, and their step size.
-            steps: 32 at most.
+            steps: of each.
         """
-        if self.is_compiled:
-            return self._chunks(self._compiled_run, args, t, dt, steps, y)[:, : steps + 1]
-        if self.is_together and len(args) > 1:
-            return self._together(args, y, t, dt, steps)
-        with one_at_a_time(), np.errstate(all="ignore"):
-            return np.stack(
-                [
-                    on_user_clock(_run, *self._in_python(row, t, dt), start, steps)
-                    for row, start in zip(args, y, strict=True)
-                ]
-            )
+        return self._samples(
+            self.kind(*row.tolist()), y.reshape(-1, *self.equation.y0.shape), t, dt, steps
+        ).reshape(len(y), steps + 1, -1)
 
-    def _together(
-        self, args: np.ndarray, y: np.ndarray, t: float, dt: float, steps: int
-    ) -> np.ndarray:
-        """Runs of springs side by side, each a node, in NumPy at once."""
-        count = -len(args) % _TOGETHER
-        rows, starts = (np.pad(each, [(0, count), (0, 0)], mode="edge") for each in (args, y))
-        shape = 2, len(rows), 2
-        own = PythonStepper(
-            self.equation.changed(
-                y0=np.zeros(shape), args=self.kind(*(each[:, None] for each in rows.T))
-            ),
-            self._stepper,
-        )
-        functions = (
-            lambda y: own.init(t, y, dt),
-            lambda i, carried: own.step(t + i * dt, _copied(carried), dt),
-            lambda i, carried: own.state(t + i * dt, _copied(carried), dt),
-        )
-        start = np.moveaxis(starts.reshape(-1, 2, 2), 0, 1)
-        with one_at_a_time(), np.errstate(all="ignore"):
-            found = on_user_clock(_run, *functions, start, steps)
-        return np.moveaxis(found, 2, 0)[: len(args)].reshape(len(args), steps + 1, self.size)
+    def _samples(self, args: Any, y: np.ndarray, t: float, dt: float, steps: int) -> np.ndarray:
+        """``(runs, steps + 1, *state)``."""
+        samples = StepSamples(self.equation.changed(y0=y[0], args=args), self._method)
+        every = np.full(len(y), t)
+        return samples.after(every, y, np.full((len(y), 1), dt), steps)[:, 0]
+
+    def _together(self, args: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """A step of many springs side by side, each a node, from one state: ``(cases, size)``."""
+        rows = np.pad(args, [(0, -len(args) % _TOGETHER), (0, 0)], mode="edge")
+        start = np.tile(y.reshape(1, 2, 1, 2), (1, 1, len(rows), 1))
+        found = self._samples(self.kind(*(each[:, None] for each in rows.T)), start, 0.0, 1.0, 1)
+        return np.moveaxis(found[0, 1], 1, 0)[: len(args)].reshape(len(args), -1)
 
     def _memory(self, args: np.ndarray) -> _Memory:
         if self.is_compiled:
-            return _Memory(*self._chunks(self._compiled_memory, args, 0.0, 1.0, self._beginning))
-        zero, steps = np.zeros(self.size), self._beginning
+            _, memory = _programs(self._method.stepper, self.kind)
+            return in_batches(functools.partial(memory, self._beginning), (args,), _CHUNK)
         with one_at_a_time(), np.errstate(all="ignore"):
             rows = [
-                on_user_clock(_expanded, *self._in_python(row, 0.0, 1.0), zero, steps)
+                on_user_clock(
+                    _expanded, *self._in_python(row), np.zeros(self.size), self._beginning
+                )
                 for row in args
             ]
         return _Memory(*map(np.stack, zip(*rows, strict=True)))
 
-    def _in_python(self, row: np.ndarray, t: float, dt: float) -> tuple[Callable, ...]:
+    def _in_python(self, row: np.ndarray) -> tuple[Callable, ...]:
         """`init`, `step` and `state` on flat states."""
         problem = self.equation.changed(args=self.kind(*row.tolist()))
-        own = PythonStepper(problem, self._stepper)
+        own = PythonStepper(problem, self._method.stepper)
         return (
-            lambda y: own.init(t, y.reshape(self._shape), dt),
-            lambda i, carried: own.step(t + i * dt, _copied(carried), dt),
-            lambda i, carried: own.state(t + i * dt, _copied(carried), dt).reshape(-1),
-        )
-
-    def _chunks(
-        self,
-        program: Callable,
-        args: np.ndarray,
-        t: float,
-        dt: float,
-        steps: int,
-        y: np.ndarray | None = None,
-    ) -> Any:
-        """What a compiled program makes of all rows, in pieces that are equally long."""
-        given = [args] if y is None else [args, y]
-        pieces = []
-        for first in range(0, len(args), _CHUNK):
-            rows = [each[first : first + _CHUNK] for each in given]
-            count = len(rows[0])
-            padded = [np.pad(each, [(0, _CHUNK - count), (0, 0)], mode="edge") for each in rows]
-            result = on_user_clock(program, t, dt, steps, *padded)
-            found = on_user_clock(jax.block_until_ready, result)
-            pieces.append(jax.tree.map(lambda each, count=count: np.asarray(each)[:count], found))
-        return jax.tree.map(lambda *each: np.concatenate(each), *pieces)
-
-    def __getstate__(self) -> dict[str, Any]:
-        # Of a pickle or a copy: programs belong to their process.
-        compiled = ("_compiled_run", "_compiled_memory")
-        return {name: value for name, value in vars(self).items() if name not in compiled}
-
-    @functools.cached_property
-    def _compiled_run(self) -> Callable:
-        def run(t: Any, dt: Any, steps: Any, row: Any, y: Any) -> Any:
-            init, step, state = self._in_jax(row, t, dt)
-
-            def advance(i: Any, progress: tuple[Any, Any]) -> tuple[Any, Any]:
-                carried = step(i, progress[0])
-                return carried, progress[1].at[i + 1].set(state(i + 1, carried))
-
-            carried = init(y)
-            samples = jnp.zeros((_LONG_RUN + 1, self.size)).at[0].set(state(0, carried))
-            return jax.lax.fori_loop(0, steps, advance, (carried, samples))[1]
-
-        return self._compile(run, (_CHUNK, len(self.kind._fields)), (_CHUNK, self.size))
-
-    @functools.cached_property
-    def _compiled_memory(self) -> Callable:
-        def memory(t: Any, dt: Any, steps: Any, row: Any) -> Any:
-            init, step, state = self._in_jax(row, t, dt)
-            return _expanded(init, step, state, jnp.zeros(self.size), steps)
-
-        return self._compile(memory, (_CHUNK, len(self.kind._fields)))
-
-    def _compile(self, function: Callable, *rows: tuple[int, ...]) -> Callable:
-        """Before the user's clock runs."""
-        number = jax.ShapeDtypeStruct((), np.float64)
-        given = [jax.ShapeDtypeStruct(shape, np.float64) for shape in rows]
-        steps = jax.ShapeDtypeStruct((), np.int64)
-        batch = jax.vmap(function, in_axes=(None, None, None, *(0 for _ in rows)))
-        return jax.jit(batch).lower(number, number, steps, *given).compile()
-
-    def _in_jax(self, row: Any, t: Any, dt: Any) -> tuple[Callable, ...]:
-        equation, args = self.equation, self.kind(*row)
-        init, step, state = on_stored_states(self._stepper, equation.rhs, equation.mechanics)
-        # Traced once, for all steps.
-        once = jax.jit(step)
-        return (
-            lambda y: init(args, t, y.reshape(self._shape), dt),
-            lambda i, carried: once(args, t + i * dt, carried, dt),
-            lambda i, carried: state(args, t + i * dt, carried, dt).reshape(-1),
+            lambda y: own.init(0.0, y.reshape(problem.y0.shape), 1.0),
+            lambda i, carried: own.step(float(i), _copied(carried), 1.0),
+            lambda i, carried: own.state(float(i), _copied(carried), 1.0).reshape(-1),
         )
 
 
-def _run(init: Callable, step: Callable, state: Callable, y: np.ndarray, steps: int) -> np.ndarray:
-    """The samples of a run, ``(steps + 1, size)``."""
-    carried = init(y)
-    samples = [state(0, carried)]
-    for i in range(steps):
-        carried = step(i, carried)
-        samples.append(state(i + 1, carried))
-    return np.stack(samples)
+@functools.lru_cache(maxsize=64)
+def _programs(stepper: Stepper, kind: Any) -> tuple[Callable, Callable]:
+    """The matrices of a step of many cases, and `_expanded` after some steps, for many cases."""
+    equation = _EQUATIONS[kind]()
+    init, step, state = on_stored_states(stepper, equation.rhs, equation.mechanics)
+    # Traced once, for all steps.
+    step = jax.jit(step)
+
+    def on(row: Any) -> tuple[Callable, Callable, Callable]:
+        args = kind(*row)
+        return (
+            lambda y: init(args, 0.0, y.reshape(equation.y0.shape), 1.0),
+            lambda i, carried: step(args, 1.0 * i, carried, 1.0),
+            lambda i, carried: state(args, 1.0 * i, carried, 1.0).reshape(-1),
+        )
+
+    def once(row: Any) -> Any:
+        init, step, state = on(row)
+        units = jnp.eye(equation.y0.size)[::2]
+        return jax.vmap(lambda y: state(1, step(0, init(y))))(units).T
+
+    def memory(beginning: Any, row: Any) -> Any:
+        return _expanded(*on(row), jnp.zeros(equation.y0.size), beginning)
+
+    return CompiledAhead(jax.vmap(once)), CompiledAhead(jax.vmap(memory, in_axes=(None, 0)))
 
 
 def _expanded(

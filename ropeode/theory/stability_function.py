@@ -11,8 +11,7 @@ import numpy as np
 from ropeode.precision import in_float64
 from ropeode.problems import Problem
 from ropeode.simulation import Method, method_of
-from ropeode.theory import linear_equations
-from ropeode.theory.linear_method import BEGINNINGS, LinearMethod
+from ropeode.theory.linear_method import BEGINNINGS, LinearMethod, Rate, Spring, rates, springs
 
 # Points on circles about zero: small ones for leading terms, a larger one for polynomials, whose
 # degree stays below a quarter of the number of points.
@@ -121,10 +120,10 @@ class StabilityFunction:
             with np.errstate(all="ignore"):
                 return _whole(np.abs(_value(self.polynomial, flat)), z.shape)
         if self.equation == "y' = lambda y":
-            args = linear_equations.rates(flat)
+            args = rates(flat)
         else:
             partner = flat.conj() if other is None else np.asarray(other, dtype=complex).ravel()
-            args = linear_equations.springs(flat, partner)
+            args = springs(flat, partner)
         matrices = self._method.matrices(args)
         return _whole(np.max(np.abs(_eigenvalues(matrices)), axis=1), z.shape)
 
@@ -175,8 +174,8 @@ def stability_function_of(
 
 def _on_rates(method: Method) -> StabilityFunction | NoStabilityFunction:
     name: Equation = "y' = lambda y"
-    args, powers = linear_equations.rates(_GENERIC), (-1, -1, 0, 0)
-    found = LinearMethod(linear_equations.first_order(), method)
+    args, powers = rates(_GENERIC), (-1, -1, 0, 0)
+    found = LinearMethod(Rate, method)
     why = _refusal(found, method, args, powers)
     if why:
         return NoStabilityFunction(f"On {name} {why}.")
@@ -187,11 +186,11 @@ def _on_rates(method: Method) -> StabilityFunction | NoStabilityFunction:
 
 def _on_springs(method: Method) -> StabilityFunction | NoStabilityFunction:
     name: Equation = "x'' = -omega^2 x - 2 gamma x'"
-    args, powers = linear_equations.springs(_GENERIC, -_GENERIC), (-2, -2, -1, 0, 0, -1, -1)
-    found = LinearMethod(linear_equations.second_order(), method)
+    args, powers = springs(_GENERIC, -_GENERIC), (-2, -2, -1, 0, 0, -1, -1)
+    found = LinearMethod(Spring, method)
     if why := _refusal(found, method, args, powers):
         return NoStabilityFunction(f"On {name} {why}.")
-    with_damping = linear_equations.springs(_GENERIC, _GENERIC.conj())
+    with_damping = springs(_GENERIC, _GENERIC.conj())
     damped = method.stepper.needs != "second order, no damping" and not _refusal(
         found, method, with_damping, powers
     )
@@ -237,7 +236,11 @@ def _is_linear(method: LinearMethod, args: np.ndarray, powers: Sequence[int]) ->
         units = np.float64(dt) ** np.array(powers)
         own, state = units[: args.shape[1]], size * units[args.shape[1] :]
         with np.errstate(all="ignore"):
-            off = np.max(np.abs(method.runs(args * own, y * state, t, dt) / state - expected))
+            found = [
+                method.runs(row, (start * state)[None], t, dt)[0] / state
+                for row, start in zip(args * own, y, strict=True)
+            ]
+            off = np.max(np.abs(found - expected))
         if off <= _TOLERANCE * largest:
             continue
         if t:
@@ -297,8 +300,8 @@ def _relative_error(method: LinearMethod) -> tuple[np.ndarray, np.ndarray]:
 
 def _principal(method: LinearMethod, z: np.ndarray) -> np.ndarray:
     """The eigenvalue nearest to exp(z); for oscillators without damping, ``x'' = z^2 x``."""
-    first_order = method.kind is linear_equations.Rate
-    args = linear_equations.rates(z) if first_order else linear_equations.springs(z, -z)
+    first_order = method.kind is Rate
+    args = rates(z) if first_order else springs(z, -z)
     eigenvalues = _eigenvalues(method.matrices(args))
     nearest = np.argmin(np.abs(eigenvalues - np.exp(z)[:, None]), axis=1)
     return eigenvalues[np.arange(len(z)), nearest]

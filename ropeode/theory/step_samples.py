@@ -100,11 +100,12 @@ class StepSamples:
 
 def in_batches(
     function: Callable[..., Any], cases: tuple[np.ndarray, ...], batch: int = _BATCH
-) -> np.ndarray:
+) -> Any:
     """A function of many cases, called with one number of them, so that it is compiled once.
 
     Arguments:
-        function: of arrays with a leading axis of `batch` cases.
+        function: of arrays with a leading axis of `batch` cases; its result has one too, or is a
+            pytree of such.
         cases: arrays with a leading axis of any number of cases, at least one.
         batch: that number.
     """
@@ -112,8 +113,8 @@ def in_batches(
     results = []
     for first in range(0, count, batch):
         index = np.minimum(np.arange(first, first + batch), count - 1)
-        results.append(np.asarray(function(*(each[index] for each in cases))))
-    return np.concatenate(results)[:count]
+        results.append(function(*(each[index] for each in cases)))
+    return jax.tree.map(lambda *each: np.concatenate(each)[:count], *results)
 
 
 def _in_python(
