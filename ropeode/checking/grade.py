@@ -14,6 +14,8 @@ from numpy.typing import ArrayLike
 
 from ropeode.analysis import ObservedOrder
 from ropeode.checking.claims import checked_claims
+from ropeode.checking.convergence import finest_is_unstable
+from ropeode.checking.diagnosis.rope_forces import has_rope_forces
 from ropeode.checking.energy_drift import at_rest, measure_drift
 from ropeode.checking.report import CheckReport, Claims, Diagnosis, Finding, exactly
 from ropeode.checking.trajectories.checked_runs import checked_runs
@@ -23,6 +25,7 @@ from ropeode.checking.trajectories.explanations import (
     explain,
     explain_columns,
 )
+from ropeode.checking.trajectories.known_methods import same_method
 from ropeode.checking.trajectories.more_runs import more_runs
 from ropeode.checking.trajectories.other_ropes import other_rope
 from ropeode.checking.trajectories.run_files import FEWEST, Files, Run, finite, names_of
@@ -153,7 +156,7 @@ def grade(
             diagnosis = (mistake,)
         elif wrong:
             found = Files(files, own, dts)
-            causes = (late, other, program, start)
+            causes = (expected, late, other, program, start)
             diagnosis = _diagnosed(reference, known, found, order, *causes)
         elif late is not None and _is_unintended(late, order):
             # No claim is refuted, but such a program is hardly intended.
@@ -204,6 +207,12 @@ def _order(
         if other() is not None:
             return Finding("order", "fail", "no order; the files fit another rope"), ()
     # Not above: it runs steppers, which takes longer than all the rest.
+    if (same := same_method(reference, runs)) is not None:
+        stable = finding.convergence is not None and not finest_is_unstable(finding.convergence)
+        if stable and same.shows(expected):
+            return dataclasses.replace(finding, status="pass", line=same.line), ()
+        if same.refutes(expected):
+            return Finding("order", "fail", f"no order; {same.line}"), ()
     advice = functools.partial(more_runs, reference, runs, claims, expected)
     return order_finding(reference, runs, expected, advice)
 
@@ -306,6 +315,7 @@ def _diagnosed(
     runs: Sequence[Run],
     files: Files,
     order: Finding,
+    expected: int | None,
     late: Diagnosis | None,
     other: Callable[[], Diagnosis | None],
     program: Callable[[], Diagnosis | None],
@@ -326,6 +336,11 @@ def _diagnosed(
     if positions is not None and (began := start(positions)) is not None:
         return (began,)
     solved = _solved(reference, runs)
+    if solved[0].cause == "unknown" and not has_rope_forces(reference.problem):
+        # Of ropes the methods have been tried already.
+        same = same_method(reference, runs)
+        if same is not None and same.refutes(expected):
+            return (same.diagnosis(reference.problem),)
     if written is None:
         return tuple(_with_what_is_right(each, order) for each in solved)
     if solved[0].cause == "unknown":

@@ -101,6 +101,11 @@ class Convergence:
     limits: Mapping[str, tuple[float, float]]
 
     @property
+    def has_orders(self) -> bool:
+        """Whether each quantity shows one."""
+        return all(order.ci95 is not None for order in self.orders.values())
+
+    @property
     def quantities(self) -> dict[str, Quantity]:
         """Position and velocity, or the state, each with its errors and order."""
         found = {}

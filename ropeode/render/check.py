@@ -106,8 +106,13 @@ def _order_words(report: CheckReport) -> str:
 
     Where none failed they are those of the first that passed; empty if there is none.
     """
-    passed = (each.convergence for each in report.findings if each.status == "pass")
-    convergence = shown(report) or next(filter(None, passed), None)
+    passed = (
+        each.convergence
+        for each in report.findings
+        # What passes without an order is right for another reason, which its line says.
+        if each.status == "pass" and each.convergence and each.convergence.has_orders
+    )
+    convergence = shown(report) or next(passed, None)
     if convergence is None or convergence.expected is None:
         return ""
     found = {

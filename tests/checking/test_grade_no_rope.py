@@ -9,7 +9,7 @@ from trajectory_writing import WRITERS, finding, write_runs
 from written_programs import rk4
 
 from ropeode import Problem, grade, reference
-from ropeode.problems import PROBLEMS
+from ropeode.problems import PROBLEMS, LinearDamping
 
 
 def falls(t, x, v, args):
@@ -31,7 +31,14 @@ CHAIN = Problem.second_order(
     [[0.5, 0.0], [0.0, -0.4], [0.2, 1.0]],
     np.linspace(0.0, 2.0, 9),
 )
-PROBLEM = {"ball": BALL, "planet": PROBLEMS["kepler"](9), "chain": CHAIN}
+DAMPED = Problem.second_order(
+    lambda t, x, v, args: -4.0 * x**3 - 0.3 * v,
+    [[1.0, 0.2]],
+    [[0.5, -1.0]],
+    np.linspace(0.0, 2.0, 9),
+    damping=lambda args: LinearDamping(0.3, 0.3),
+)
+PROBLEM = {"ball": BALL, "planet": PROBLEMS["kepler"](9), "chain": CHAIN, "damped": DAMPED}
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +73,10 @@ STARTS = {
     ("ball", "stormer-verlet:start=rest"): ("start", "the initial velocity is forgotten"),
     ("chain", "stormer-verlet:start=rest"): ("start", "the initial velocity is forgotten"),
     ("planet", "semi-implicit-euler"): ("start", "the first step is x(-dt) = x(0) - dt v(0)"),
-    ("chain", "explicit-euler"): ("unknown", ""),
+    ("chain", "explicit-euler"): ("method", "the positions are those of explicit-euler, exactly"),
+    # Verlet's planet falls into the sun, however small the steps are.
+    ("planet", "stormer-verlet:start=rest"): ("start", "the initial velocity is forgotten"),
+    ("damped", "stormer-verlet:start=rest,damping=lagged"): ("start", "the initial velocity is"),
 }
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from ropeode.analysis import ObservedOrder, distances
 from ropeode.checking.report import Diagnosis
 from ropeode.checking.trajectories.convergence import order_finding
+from ropeode.checking.trajectories.known_methods import VERLET_START
 from ropeode.checking.trajectories.run_files import Run
 from ropeode.checking.trajectories.time_errors import RUNS, explains
 from ropeode.errors import ReferenceRefused
@@ -39,7 +40,6 @@ _FIRST_STEPS = {
         "forces hardly change)"
     ),
 }
-_REMEDY = "for Verlet, start with x(-dt) = x(0) - dt * v(0) + dt**2 / 2 * a(0)"
 
 
 def diagnose_start(expansions: Sequence[Expansion], expected: int) -> Diagnosis | None:
@@ -107,7 +107,7 @@ def diagnose_start(expansions: Sequence[Expansion], expected: int) -> Diagnosis 
     else:
         what = " and ".join(texts)
     line = f"the start of the method is of order {order}: {what}"
-    return Diagnosis("start", line, evidence, _REMEDY)
+    return Diagnosis("start", line, evidence, VERLET_START)
 
 
 def diagnose_start_of_runs(
@@ -171,7 +171,7 @@ def _forgotten(
         "the initial velocity is forgotten, as where the first step begins with the last position "
         f"at the first one, x(-dt) = x(0): against the same problem from rest, {finding.line}"
     )
-    return Diagnosis("start", line, {"error": own, "from_rest": _off(finest, other)}, _REMEDY)
+    return Diagnosis("start", line, {"error": own, "from_rest": _off(finest, other)}, VERLET_START)
 
 
 def _first_step(
@@ -197,7 +197,9 @@ def _first_step(
                 f"order that begins with v(0) {'+' if steps > 0 else '-'} dt/2 a(0), which "
                 f"explains {100.0 * (1.0 - parts[0]):.3g}% of their errors at dt = {fine[0].dt:.4g}"
             )
-            return Diagnosis("start", line, {"left_over": parts[0], "velocity": steps}, _REMEDY)
+            return Diagnosis(
+                "start", line, {"left_over": parts[0], "velocity": steps}, VERLET_START
+            )
     return None
 
 

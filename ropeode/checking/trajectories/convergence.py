@@ -326,7 +326,9 @@ def _undecided(
     if _lost(careful, ROUND_OFF) or _lost(careful, UNRESOLVED):
         why = "errors are so small that round-off or the reference's bound may hide them"
         return why, ""
-    return "the step sizes show no order", ""
+    lacking = [PLURAL[name] for name, order in careful.orders.items() if not shown(order)]
+    part = f" in {listed(lacking)}" if 0 < len(lacking) < len(careful.orders) else ""
+    return f"the step sizes show no order{part}", ""
 
 
 def _lost(convergence: Convergence, reason: str) -> bool:

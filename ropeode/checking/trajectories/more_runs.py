@@ -4,48 +4,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
-from ropeode.analysis import distances, largest_distance, moved
 from ropeode.checking.report import Claims, Convergence
-from ropeode.checking.trajectories.convergence import (
-    order_finding,
-    shown,
-    unstable_steps,
-    worst_rounding,
+from ropeode.checking.trajectories.convergence import order_finding, shown, unstable_steps
+from ropeode.checking.trajectories.known_methods import (
+    FIRST,
+    WHOLE,
+    Actor,
+    like_steppers,
+    steps_per_frame,
 )
-from ropeode.checking.trajectories.layout import samples_of
 from ropeode.checking.trajectories.run_files import Run, finite
 from ropeode.errors import InputError
-from ropeode.norms import NORMS
 from ropeode.problems import Problem
-from ropeode.progress import silent
 from ropeode.references import Reference
-from ropeode.simulation import simulate, step_size
+from ropeode.simulation import step_size
 from ropeode.steppers import as_stepper
 from ropeode.study import problem_class
 from ropeode.theory import stability_limit
 from ropeode.validation import counted, listed
 
-# What courses teach and games use.
-FIRST = (
-    "explicit-euler",
-    "semi-implicit-euler",
-    "stormer-verlet",
-    "velocity-verlet",
-    "rk4",
-    "constraint-verlet",
-    "rattle",
-)
-# Tried in turn; each only if it is none of those before.
-LIKELY = (
-    (*FIRST, "stormer-verlet:start=rest", "constraint-verlet:start=rest"),
-    ("heun", "midpoint", "ralston2", "ralston3"),
-)
-# Positions are those of a stepper if they differ by this part of their errors, or by rounding.
-_SAME = 0.01
 # The most runs that are advised, as many as an order takes beside runs that are off; and the most
 # work in one of them, as steps times numbers in a state: less than a second. States with fewer
 # numbers take as long as this many.
@@ -54,8 +34,6 @@ _MOST_RUNS, _MOST_WORK, _SMALL_STATE = 5, 2**25, 64
 _CLOSE = 1.25
 # The widest interval of an order that is clear, as a part of its upper end.
 _NARROW = 0.5
-# How far from a whole number the steps in a frame may be, by rounding of dt.
-_WHOLE = 1e-3
 # So many further runs, each with twice the steps of the one before.
 _RUNS = 3
 
@@ -80,12 +58,14 @@ def more_runs(
         expected: the order that follows from them.
         convergence: of the runs.
     """
-    same = _same_steppers(reference, finite(runs))
+    same = like_steppers(reference, finite(runs))
     names = [actor.name for actor in same]
     words = f"the positions agree with those of {listed(names)}; " if same else ""
     # Runs with few digits have to be made again.
     exact = all(np.all(run.rounding == 0.0) for run in finite(runs))
-    found = _fewest(reference, runs if exact else (), same, _counts(runs), _windows(runs), expected)
+    found = _fewest(
+        reference, runs if exact else (), same, steps_per_frame(runs), _windows(runs), expected
+    )
     if found is not None:
         steps, orders = found
         write = "" if exact else "write 17 digits, and "
@@ -113,77 +93,9 @@ def _from_reasons(convergence: Convergence, runs: Sequence[Run]) -> str:
     """The runs that may decide, as the reasons say for which others could not be used."""
     one = step_size(runs[0].problem, 1)
     add = {dt for order in convergence.orders.values() for dt in order.add}
-    steps = sorted({math.ceil(one / dt - _WHOLE) for dt in add})
-    finest = _counts(runs)[-1]
+    steps = sorted({math.ceil(one / dt - WHOLE) for dt in add})
+    finest = steps_per_frame(runs)[-1]
     return f"add {_in_words(steps or [2 * finest, 4 * finest])} to begin with"
-
-
-class _Actor:
-    """A stepper in the place of the program.
-
-    Arguments:
-        name: of the stepper.
-        problem: that it solves.
-        columns: of its runs, which have velocities or not.
-    """
-
-    def __init__(self, name: str, problem: Problem, columns: int):
-        self.name, self.problem, self.columns = name, problem, columns
-        self._runs: dict[int, Run | None] = {}
-
-    def run(self, steps: int) -> Run | None:
-        """Its run with so many steps per frame; None if that diverges."""
-        if steps not in self._runs:
-            made = simulate(self.problem, self.name, steps, progress=silent)
-            values = samples_of(self.problem, made.states)[:, :, : self.columns]
-            path, frame = Path(f"{steps}.csv"), step_size(self.problem, 1)
-            run = Run(self.problem, path, made.dt, values, frame) if made.status == "ok" else None
-            self._runs[steps] = run
-        return self._runs[steps]
-
-
-def _counts(runs: Sequence[Run]) -> list[int]:
-    """The steps per frame of runs, rounded up."""
-    one = step_size(runs[0].problem, 1)
-    return [math.ceil(one / run.dt - _WHOLE) for run in runs]
-
-
-def _same_steppers(reference: Reference, runs: Sequence[Run]) -> list[_Actor]:
-    """Steppers whose positions are those of all runs; none where no run is finite."""
-    if not runs:
-        return []
-    problem, counts, one = runs[0].problem, _counts(runs), step_size(runs[0].problem, 1)
-    if any(abs(one / run.dt - n) > _WHOLE for run, n in zip(runs, counts, strict=True)):
-        return []
-    kind, columns = problem_class(problem), runs[0].values.shape[2]
-    for names in LIKELY:
-        able = (
-            name
-            for name in names
-            if (stepper := as_stepper(name)).solves(kind) and stepper.refusal(problem) is None
-        )
-        found = [
-            actor
-            for actor in (_Actor(name, problem, columns) for name in able)
-            if all(
-                (made := actor.run(n)) is not None and _agree(reference, run, made)
-                for run, n in zip(runs, counts, strict=True)
-            )
-        ]
-        if found:
-            return found
-    return []
-
-
-def _agree(reference: Reference, run: Run, made: Run) -> bool:
-    """Whether two runs have the same positions in the first frame, and until they blow up."""
-    problem, norm = reference.problem, NORMS[f"{reference.problem.quantities[0]}-max"]
-    errors = distances(run.states, reference, norm)
-    blown_up = errors > moved(reference, norm)
-    end = max(int(np.argmax(blown_up)), 2) if blown_up.any() else len(errors)
-    apart = largest_distance(problem, norm, run.states[:end], made.states[:end])
-    rounding = float(np.linalg.norm(worst_rounding(run, reference)[: run.layout.dim]))
-    return apart <= max(_SAME * float(np.max(errors[:end])), rounding)
 
 
 def _windows(runs: Sequence[Run]) -> list[tuple[int, ...]]:
@@ -191,7 +103,7 @@ def _windows(runs: Sequence[Run]) -> list[tuple[int, ...]]:
 
     Those between the runs that there are come last: their numbers are not round.
     """
-    problem, counts = runs[0].problem, _counts(runs)
+    problem, counts = runs[0].problem, steps_per_frame(runs)
     coarsest, finest = min(counts), max(counts)
     most = _MOST_WORK // (problem.frames * max(problem.y0.size, _SMALL_STATE))
     finer = [finest * 2**k for k in range(1, max(most // finest, 1).bit_length())]
@@ -214,7 +126,7 @@ def _windows(runs: Sequence[Run]) -> list[tuple[int, ...]]:
 def _fewest(
     reference: Reference,
     runs: Sequence[Run],
-    actors: Sequence[_Actor],
+    actors: Sequence[Actor],
     counts: Sequence[int],
     windows: Sequence[tuple[int, ...]],
     expected: int | None,
@@ -251,7 +163,7 @@ def _fewest(
 def _order(
     reference: Reference,
     runs: Sequence[Run],
-    actor: _Actor,
+    actor: Actor,
     counts: Sequence[int],
     steps: Sequence[int],
     expected: int | None,

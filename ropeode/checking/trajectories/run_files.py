@@ -74,16 +74,15 @@ class Run:
         """The quantities of the problem that the file has: velocities may be missing."""
         return self.problem.quantities[: self.values.shape[2] // self.layout.dim]
 
-    @property
-    def _parts(self) -> list[np.ndarray]:
-        """The values of each quantity."""
+    def parts_of(self, values: np.ndarray) -> list[np.ndarray]:
+        """Those of each quantity, of values like these."""
         dim = self.layout.dim
-        return np.split(self.values, range(dim, self.values.shape[2], dim), axis=2)
+        return np.split(values, range(dim, values.shape[2], dim), axis=2)
 
     @functools.cached_property
     def rounding(self) -> np.ndarray:
         """The largest rounding error of the written numbers of each column, ``(columns,)``."""
-        return np.repeat([last_digit(part) for part in self._parts], self.layout.dim)
+        return np.repeat([last_digit(part) for part in self.parts_of(self.values)], self.layout.dim)
 
     @functools.cached_property
     def epsilon(self) -> float:
@@ -91,7 +90,7 @@ class Run:
 
         One quantity tells: to positions in float32, an origin in float64 may be added.
         """
-        return max(map(epsilon, self._parts))
+        return max(map(epsilon, self.parts_of(self.values)))
 
     @property
     def single(self) -> bool:

@@ -1,0 +1,234 @@
+"""The methods of ropeode whose numbers are those in files, on any problem."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ropeode.analysis import distances, largest_distance, moved
+from ropeode.checking.convergence import PLURAL
+from ropeode.checking.report import Diagnosis
+from ropeode.checking.trajectories.convergence import first_frames, worst_rounding
+from ropeode.checking.trajectories.layout import samples_of
+from ropeode.checking.trajectories.run_files import Run, finite
+from ropeode.norms import NORMS
+from ropeode.problems import Problem
+from ropeode.progress import silent
+from ropeode.references import Reference
+from ropeode.simulation import simulate, step_size
+from ropeode.steppers import as_stepper
+from ropeode.study import problem_class
+from ropeode.validation import listed
+
+# What courses teach and games use.
+FIRST = (
+    "explicit-euler",
+    "semi-implicit-euler",
+    "stormer-verlet",
+    "velocity-verlet",
+    "rk4",
+    "constraint-verlet",
+    "rattle",
+)
+# Tried in turn; each only if it is none of those before.
+_LIKELY = (
+    (*FIRST, "stormer-verlet:start=rest", "constraint-verlet:start=rest"),
+    ("heun", "midpoint", "ralston2", "ralston3"),
+    ("stormer-verlet:damping=lagged", "stormer-verlet:start=rest,damping=lagged"),
+)
+# Positions are like those of a stepper if they differ by this part of their errors, or by rounding.
+# They are the same if they differ by this part of the motion and of their errors.
+_ALIKE, _SAME, _OF_ERRORS = 0.01, 1e-9, 1e-3
+# How far from a whole number the steps in a frame may be, by rounding of dt.
+WHOLE = 1e-3
+
+VERLET_START = "for Verlet, start with x(-dt) = x(0) - dt * v(0) + dt**2 / 2 * a(0)"
+
+
+class Actor:
+    """A stepper in the place of the program.
+
+    Arguments:
+        name: of the stepper.
+        problem: that it solves.
+        columns: of its runs, which have velocities or not.
+    """
+
+    def __init__(self, name: str, problem: Problem, columns: int):
+        self.name, self.problem, self.columns = name, problem, columns
+        self._runs: dict[int, Run | None] = {}
+
+    def run(self, steps: int) -> Run | None:
+        """Its run with so many steps per frame; None if that diverges."""
+        if steps not in self._runs:
+            made = simulate(self.problem, self.name, steps, progress=silent)
+            values = samples_of(self.problem, made.states)[:, :, : self.columns]
+            path, frame = Path(f"{steps}.csv"), step_size(self.problem, 1)
+            run = Run(self.problem, path, made.dt, values, frame) if made.status == "ok" else None
+            self._runs[steps] = run
+        return self._runs[steps]
+
+    @property
+    def order(self) -> int:
+        """The order of the stepper on its problem; 0 if it does not converge there."""
+        order = as_stepper(self.name).order(problem_class(self.problem))
+        assert order is not None
+        return order
+
+
+def steps_per_frame(runs: Sequence[Run]) -> list[int]:
+    """Those of runs, rounded up."""
+    one = step_size(runs[0].problem, 1)
+    return [math.ceil(one / run.dt - WHOLE) for run in runs]
+
+
+@functools.lru_cache(maxsize=4)
+def _actors(problem: Problem, columns: int) -> list[list[Actor]]:
+    """The steppers that can solve a problem, as they are tried."""
+    kind = problem_class(problem)
+    return [
+        [
+            Actor(name, problem, columns)
+            for name in names
+            if (stepper := as_stepper(name)).solves(kind) and stepper.refusal(problem) is None
+        ]
+        for names in _LIKELY
+    ]
+
+
+def like_steppers(reference: Reference, runs: Sequence[Run]) -> list[Actor]:
+    """Steppers whose positions are like those of all runs; none where no run is finite."""
+    if not runs:
+        return []
+    problem, counts = reference.problem, steps_per_frame(runs)
+    one = step_size(problem, 1)
+    if any(abs(one / run.dt - n) > WHOLE for run, n in zip(runs, counts, strict=True)):
+        return []
+    for actors in _actors(problem, runs[0].values.shape[2]):
+        found = [
+            actor
+            for actor in actors
+            if all(
+                (made := actor.run(n)) is not None and _alike(reference, run, made)
+                for run, n in zip(runs, counts, strict=True)
+            )
+        ]
+        if found:
+            return found
+    return []
+
+
+def _alike(reference: Reference, run: Run, made: Run) -> bool:
+    """Whether two runs have the same positions in the first frame, and until they blow up."""
+    problem, norm = reference.problem, NORMS[f"{reference.problem.quantities[0]}-max"]
+    errors = distances(run.states, reference, norm)
+    blown_up = errors > moved(reference, norm)
+    end = max(int(np.argmax(blown_up)), 2) if blown_up.any() else len(errors)
+    apart = largest_distance(problem, norm, run.states[:end], made.states[:end])
+    rounding = float(np.linalg.norm(worst_rounding(run, reference)[: run.layout.dim]))
+    return apart <= max(_ALIKE * float(np.max(errors[:end])), rounding)
+
+
+class Identity(NamedTuple):
+    """Methods that compute the numbers of all runs.
+
+    Fields:
+        names: of the steppers.
+        orders: of each on the problem, 0 if it does not converge there.
+        frames: the first ones, in which positions agree in all runs.
+        misfit: the largest difference of positions there, as a part of the motion.
+        complete: whether velocities, if there are any, agree as well, and over all frames.
+        quantities: that the runs have.
+    """
+
+    names: tuple[str, ...]
+    orders: tuple[int, ...]
+    frames: int
+    misfit: float
+    complete: bool
+    quantities: tuple[str, ...]
+
+    def shows(self, expected: int | None) -> bool:
+        """Whether the identity is evidence of the order that is claimed, as a slope would be."""
+        return self.complete and {*self.orders} == {expected}
+
+    def refutes(self, expected: int | None) -> bool:
+        """Whether none of the methods has the order that is claimed, or converges at all."""
+        return max(self.orders) < (expected or 1)
+
+    @property
+    def line(self) -> str:
+        """The method and its evidence."""
+        what = " and ".join(PLURAL[each] for each in self.quantities[: 2 if self.complete else 1])
+        over = "all frames" if self.complete else f"the first {first_frames(self.frames)}"
+        orders = listed(dict.fromkeys(self.orders))
+        to = f"to {self.misfit:.1g} of the motion" if self.misfit else "exactly"
+        return (
+            f"the {what} are those of {listed(self.names)}, {to}, over {over}; "
+            f"{'its' if len(self.names) == 1 else 'their'} order is {orders}"
+        )
+
+    def diagnosis(self, problem: Problem) -> Diagnosis:
+        """Of a method whose order is too low, or whose start is wrong."""
+        evidence = {"methods": [*self.names], "order": max(self.orders), "misfit": self.misfit}
+        if all("start=rest" in name for name in self.names) and np.any(problem.y0[1]):
+            words = f"the initial velocity is forgotten, as with x(-dt) = x(0): {self.line}"
+            return Diagnosis("start", words, evidence, VERLET_START)
+        return Diagnosis("method", self.line, evidence)
+
+
+def same_method(reference: Reference, runs: Sequence[Run]) -> Identity | None:
+    """The method that computes the numbers of all runs, to rounding; None if none is known.
+
+    Arguments:
+        reference: of the problem.
+        runs: from coarse to fine; none of them counts that diverged.
+    """
+    known = finite(runs)
+    like = like_steppers(reference, known)
+    agreed = [
+        _agreeing(reference, run, actor.run(n))
+        for actor in like
+        for run, n in zip(known, steps_per_frame(known), strict=True)
+    ]
+    # What is only like it, and not the same, would be evidence of another order.
+    if not agreed or min(each.frames for each in agreed) < 1:
+        return None
+    return Identity(
+        tuple(actor.name for actor in like),
+        tuple(actor.order for actor in like),
+        min(each.frames for each in agreed),
+        max(each.misfit for each in agreed),
+        len(known) == len(runs) and all(each.complete for each in agreed),
+        known[0].quantities,
+    )
+
+
+class _Agreement(NamedTuple):
+    """In how many frames positions agree, to which part of the motion; and whether all does."""
+
+    frames: int
+    misfit: float
+    complete: bool
+
+
+def _agreeing(reference: Reference, run: Run, made: Run | None) -> _Agreement:
+    """How far two runs agree; no quantity may differ by much of its error."""
+    assert made is not None
+    frames, misfits = [], []
+    apart = np.abs(run.values - made.values[: len(run.values)])
+    for name, part in zip(run.quantities, run.parts_of(apart), strict=True):
+        norm = NORMS[f"{name}-max"]
+        way, errors = moved(reference, norm), distances(run.states, reference, norm)
+        # Where a run blows up, rounding grows as well.
+        sizes = np.maximum(way, np.maximum.accumulate(errors))
+        parts = np.max(part, axis=(1, 2))[: len(sizes)] / sizes
+        same = parts <= np.minimum(_SAME, _OF_ERRORS * np.max(errors) / sizes)
+        frames.append(len(same) - 1 if same.all() else int(np.argmin(same)) - 1)
+        misfits.append(float(np.max(parts[: frames[-1] + 1], initial=0.0)))
+    return _Agreement(frames[0], misfits[0], min(frames) == reference.trusted - 1)
