@@ -66,7 +66,7 @@ WRONG = [
     ("own_euler: length in the plane", ["rotation"]),
     ((steps.handed, {}), ["mirror"]),
     ("own_euler: integer rest length", ["units"]),
-    ("velocity_verlet: put to rest below 1e-05", ["thresholds"]),
+    ("velocity_verlet: put to rest below 0.001", ["thresholds"]),
     ("own_verlet: no more than four springs", ["thresholds"]),
     ("own_verlet: springs cut beyond 5 rest lengths", ["thresholds"]),
     ((steps.euler, {"method": "semi-implicit-euler"}), ["stability"]),
@@ -82,9 +82,15 @@ RARELY_WRONG = [
     ("velocity_verlet: speed limit of 100", ["boost"]),
     # Another formula is no part of a step.
     ("rk4: Euler for dt from 3e-4 to 6e-4", ["thresholds"]),
-    ("rk4: Euler for dt < 1e-05", ["thresholds"]),
     ("velocity_verlet: Euler where it is slow and dt > 5", ["thresholds"]),
 ]
+
+# Thresholds that a finding names.
+NAMED = {
+    "velocity_verlet: put to rest below 0.001": "of a node's velocity is below 0.001",
+    "own_verlet: springs cut beyond 5 rest lengths": "over its rest length is above 5",
+    "rk4: Euler for dt from 3e-4 to 6e-4": "where dt is below 0.0006",
+}
 
 
 def test_every_check_that_judges_has_a_stepper_that_fails_it():
@@ -98,10 +104,12 @@ def test_every_check_that_judges_has_a_stepper_that_fails_it():
     [*WRONG, *(pytest.param(*it, marks=pytest.mark.slow) for it in RARELY_WRONG)],
 )
 def test_each_check_fails_wrong_steppers(wrong, checks):
+    words = NAMED.get(wrong, "") if isinstance(wrong, str) else ""
     if isinstance(wrong, str):
         wrong = MUTANTS[wrong].make(), MUTANTS[wrong].claims
     report = check_stepper(wrong[0], **wrong[1], only=checks, diagnose=False)
     assert {*checks} == {finding.check for finding in report.failed}
+    assert words in report.failed[0].line
 
 
 def now_and_then(calls):

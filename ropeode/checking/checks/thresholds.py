@@ -47,6 +47,10 @@ _FINER, _MARGIN = (1, 8, 32), 0.5
 # are not known no more are.
 _SECONDS, _ALL_SECONDS, _FEWEST, _MOST_UNKNOWN = 2.0, 10.0, 8, 3
 _TOO_LONG = " (others take too long)"
+# How often the way to a threshold is halved, and how close to a number of two digits it is then; a
+# step in which nothing moves, and what it may err by.
+_HALVINGS, _CLOSE, _NO_WAY, _NO_WAY_ERRS = 40, 1e-5, 1e-7, 1e-6
+_TINY, _WAYS = 1e-300, 6
 # How many states are drawn for each rope.
 _DRAWN = 12
 # The errors of methods of order 1, over the lengths of steps.
@@ -175,12 +179,128 @@ def _what_is_wrong(case: Case, method: Method, usual: _Usual, which: list[int]) 
             errs = f"errs by {error:.1e} of its way"
             if not np.isfinite(error):
                 errs = "returns a number that is not finite (nan or infinite)"
+            allowed = _MORE * float(most[size])
             return (
                 f"a step (dt = {dt:.2g}) {errs}, most at node {found.node[state, size]}, where "
-                f"{most[size]:.1e} is usual, {_where(one)}; is there a threshold or a "
-                "limit, a constant with a unit, or a fixed number of nodes or dimensions?"
+                f"{most[size]:.1e} is usual, {_where(one)}; "
+                f"{_threshold(one, method, float(lengths[size]), allowed)}"
             )
     return ""
+
+
+def _threshold(case: Case, method: Method, length: float, allowed: float) -> str:
+    """The number from which on steps err, in words, if it is one that people write.
+
+    It is looked for on two ways from usual states to that of a case, and must be the same on both.
+
+    Arguments:
+        case: one state from which a step errs.
+        method: the stepper.
+        length: of the step.
+        allowed: what it may err by.
+    """
+    nodes, dim = case.states.shape[2:]
+    if (nodes, dim) != (NODES, DIM):
+        return "is there a fixed number of nodes or dimensions?"
+    # In the shortest steps nothing moves, so that numbers before and after are the same.
+    for short, most, names in ((_NO_WAY, max(allowed, _NO_WAY_ERRS), ""), (length, allowed, "dt")):
+        ways = (_on_the_way(case, seed) for seed in range(_WAYS))
+        found = filter(None, (_borders(way, method, short, most, names) for way in ways))
+        one, other = next(found, []), next(found, [])
+        if both := [words for words in one if words in other]:
+            return f"it does so where {both[0]}"
+    return "is there a threshold or a limit, or a constant with a unit?"
+
+
+def _on_the_way(case: Case, seed: int) -> Callable[[float], Case]:
+    """Cases from a usual state, at 0, to another one, at 1, of a rope with numbers of its own."""
+    random, args, y0 = np.random.default_rng(seed), case.rope.args, generic().y0
+    usual = y0 + 0.2 * args.free[:, None] * random.normal(size=y0.shape)
+    numbers = {
+        name: getattr(args, name) * random.uniform(0.9, 1.1, getattr(args, name).shape)
+        for name in ("mass", "stiffness", "rest_length", "damping")
+    }
+    rope = case.rope.changed(args=args._replace(**numbers))
+    return lambda part: dataclasses.replace(
+        case,
+        rope=rope,
+        states=usual + part * (case.states - usual),
+        units=Units(*np.power(case.units, part)),
+        away=part * np.asarray(case.away),
+        later=part * case.later,
+    )
+
+
+def _borders(
+    way: Callable[[float], Case], method: Method, length: float, allowed: float, name: str
+) -> list[str]:
+    """Which numbers of few digits a state has where steps begin to err on a way, in words.
+
+    Arguments:
+        way: cases, from 0 to 1.
+        method: the stepper.
+        length: of the step.
+        allowed: what it may err by.
+        name: of the only number that counts; empty for all.
+
+    Returns:
+        Those of the fewest digits first.
+    """
+
+    def at(part: float) -> tuple[bool, dict[str, np.ndarray]]:
+        here = way(part)
+        found = local_errors(here, method, np.array([length]))
+        errs = not np.all(found.errors <= allowed)
+        return errs, _numbers(here) | {"dt": found.dt[0] * here.units.time}
+
+    (errs, low), (still, high) = at(0.0), at(1.0)
+    if errs or not still:
+        return []
+    start, end = 0.0, 1.0
+    for _ in range(_HALVINGS):
+        middle = (start + end) / 2.0
+        errs, values = at(middle)
+        start, end = (start, middle) if errs else (middle, end)
+        low, high = (low, values) if errs else (values, high)
+    found = []
+    for each in [name] if name else high:
+        for before, value in zip(low[each], high[each], strict=True):
+            digits = next((n for n in (0, 1) if _is_short(value, n)), None)
+            if digits is not None and value != before:
+                side = "above" if value > before else "below"
+                found.append((digits, f"{each} is {side} {float(f'{value:.{digits}e}'):g}"))
+    return [words for _, words in sorted(found, key=lambda pair: pair[0])]
+
+
+def _is_short(value: float, digits: int) -> bool:
+    return abs(value - float(f"{value:.{digits}e}")) <= _CLOSE * abs(value)
+
+
+def _numbers(case: Case) -> dict[str, np.ndarray]:
+    """Numbers of the only state of a case, of which a step may be tied to one, in words."""
+    args, (x, v) = case.units.of(case.rope).args, case.moved[0]
+    length = np.linalg.norm(np.diff(x, axis=0), axis=1)
+    pull = args.stiffness * (length - args.rest_length)
+    parts = {"position": x, "velocity": v, "acceleration": rates(case.moved[0], args)[1]}
+    return {
+        "t": np.array([case.t]),
+        **{f"a node's {axis}": x[:, i] for i, axis in enumerate("xyz")},
+        **{f"a component of a node's {name}": np.abs(each).ravel() for name, each in parts.items()},
+        **{
+            f"the size of a node's {name}": np.linalg.norm(each, axis=1)
+            for name, each in parts.items()
+        },
+        "the length of a spring": length,
+        "the length of a spring over its rest length": length / np.maximum(args.rest_length, _TINY),
+        "a spring's pull": np.abs(pull),
+        "a component of a spring's pull": np.abs(
+            pull[:, None] * np.diff(x, axis=0) / length[:, None]
+        ).ravel(),
+        "the stiffness of a spring": args.stiffness,
+        "the rest length of a spring": args.rest_length,
+        "the mass of a node": args.mass,
+        "the damping of a node": args.damping,
+    }
 
 
 def _vanishes(case: Case, method: Method, length: float, order: float) -> bool:
