@@ -28,7 +28,8 @@ ROOT = PACKAGE.parent
 LEAVES = {
     f"ropeode.{room}.{module}"
     for room, modules in {
-        "checking": "energy_drift richardson trajectories.coarse_steps written_precision",
+        "checking": "diagnosis.methods energy_drift richardson trajectories.coarse_steps "
+        "written_precision",
         "laboratory": "messages scenes",
         "problems": "links nested_jaxprs rope",
         "references": "defect extended.taylor extended.translate solvers.dop853 solvers.rounding",

@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from trajectory_writing import finding
-from written_programs import Program, explicit, kick_drift_kick, kutta3, midpoint, semi_implicit
+from written_programs import (
+    Program,
+    explicit,
+    frozen,
+    kick_drift_kick,
+    kutta3,
+    midpoint,
+    semi_implicit,
+)
 
 from ropeode import InextensibleRope, Rope, grade, reference
 
@@ -30,6 +39,11 @@ def known():
     }
 
 
+def speed(v, mass):
+    return np.linalg.norm(v, axis=1, keepdims=True)
+
+
+BY_TAYLOR = {"method": "verlet", "starts": "taylor"}
 # The rope, what the program does, the cause, and a part of the words.
 MISTAKES = [
     ("resting", {"method": "verlet", "kept": 1 - 5e-5}, "damping-per-step", "keeps 0.99995 of"),
@@ -49,6 +63,14 @@ MISTAKES = [
     ("resting", {"rested": (4,)}, "fixed-node", "node 4 never moves"),
     ("moving", {"method": "verlet", "starts": "rest"}, "start", "initial velocity is forgotten"),
     ("moving", {"method": explicit}, "method", "are those of explicit Euler"),
+    ("moving", {"masses_that_divide": 0}, "parameters", "the mass is left out"),
+    ("moving", {"masses_of_gravity": 1}, "parameters", "and is multiplied by the mass"),
+    ("moving", {"drag_times": lambda v, mass: mass}, "parameters", "is not divided by the mass"),
+    ("moving", {"drag_times": speed}, "parameters", "grows with the square of the speed"),
+    ("moving", {"spring_times": lambda length, _: length}, "parameters", "no unit vector"),
+    ("moving", {"spring_times": lambda _, stretch: stretch > 0}, "parameters", "is shorter than"),
+    ("moving", {**BY_TAYLOR, "kept": 0.999}, "damping-per-step", "keeps 0.999 of"),
+    ("moving", {"method": frozen}, "method", "takes the acceleration of the start for both"),
 ]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 
 import numpy as np
 
@@ -18,6 +19,11 @@ def explicit(a, x, v, dt):
 def semi_implicit(a, x, v, dt):
     v = v + dt * a(x, v)
     return x + dt * v, v
+
+
+def frozen(a, x, v, dt):
+    first = a(x, v)
+    return x + dt * v + dt * dt / 2 * first, v + dt * first
 
 
 def kick_drift_kick(a, x, v, dt):
@@ -61,6 +67,10 @@ class Program:
     gravity_times_dt: bool = False
     push: bool = False
     one_sided: bool = False
+    spring_times: Callable = lambda length, stretch: 1.0
+    drag_times: Callable = lambda v, mass: 1.0
+    masses_that_divide: int = 1
+    masses_of_gravity: int = 0
     forces: float = 1.0
     acceleration_times: float = 1.0
     damping: float = 1.0
@@ -79,7 +89,9 @@ class Program:
 
     def acceleration(self, x, v, dt):
         args = self.problem.args
+        mass = args.mass[:, None]
         force = -self.damping * args.damping[:, None].astype(self.number) * v
+        force = self.drag_times(v, mass) * force
         if hasattr(args, "stiffness"):
             for i, (k, rest) in enumerate(
                 zip(args.stiffness, args.rest_length.astype(self.number), strict=True)
@@ -89,6 +101,7 @@ class Program:
                 if self.single_length:
                     length = float(np.float32(length))
                 pull = (-1 if self.push else 1) * self.number(k) * (length - rest) * d / length
+                pull = self.spring_times(length, length - rest) * pull
                 pull = pull + self.dashpot * ((v[i + 1] - v[i]) @ d) * d / length**2
                 force[i] += pull - self.drag_per_spring * v[i]
                 force[i + 1] -= self.drag_per_spring * v[i + 1]
@@ -100,7 +113,8 @@ class Program:
         gravity = self.gravity * args.gravity.reshape(-1) * (dt if self.gravity_times_dt else 1)
         free = args.free.copy()
         free[list(self.rested)] = 0
-        a = self.acceleration_times * (force / args.mass[:, None] + gravity)
+        gravity = gravity * mass**self.masses_of_gravity
+        a = self.acceleration_times * (force / mass**self.masses_that_divide + gravity)
         return (free[:, None] * a).astype(self.number)
 
     def begin(self, dt):

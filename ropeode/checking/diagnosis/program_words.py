@@ -12,6 +12,7 @@ from ropeode.checking.diagnosis.programs import (
     power,
     programs_of,
 )
+from ropeode.checking.diagnosis.rope_forces import known_mistakes
 from ropeode.checking.report import Diagnosis
 from ropeode.checking.simple_numbers import shortest
 from ropeode.problems import Problem
@@ -20,6 +21,8 @@ from ropeode.validation import listed
 
 # How precisely a number is found, as a part of itself and of the right one.
 _PRECISION = 1e-7
+# Factors that say what happened.
+_SIMPLE = (0.0, 0.5, 2.0, -1.0)
 _SCALE = "leave it out, or scale it with dt: v *= exp(-rate * dt), or a damping force"
 _PER_STEP = "{}, however long the step is, so that the runs have no limit as dt goes to 0"
 _ADDED = "are never set to zero: each step adds those of all steps before"
@@ -76,18 +79,26 @@ def diagnose_program(problem: Problem, runs: Runs, truth: np.ndarray) -> Diagnos
             "symplectic": method.symplectic,
             "misfit": program.misfit,
         }
-        line = f"the positions are those of {method.name}, {same}; its order is {words or order}"
+        line = f"the positions are those of {method.name}, {same}; {_order(words or order)}"
         return Diagnosis("method", line, evidence, method.remedy)
-    mass = float(np.mean(problem.args.mass))
-    cause, words, remedy = _said(program, mass)
-    every = dict.fromkeys([words, *(_said(each, mass)[1] for each in others)])
+    cause, words, remedy = _said(program, problem)
+    every = dict.fromkeys([words, *(_said(each, problem)[1] for each in others)])
     words = "; or, which moves the same, ".join(every)
     evidence = {
         "method": program.method.name,
         "terms": [
-            {"term": TERMS[name].name, "expected": TERMS[name].expected, "found": [*found.values()]}
-            for changed, found in [(each.changed, each.found) for each in programs]
-            for name in changed
+            {
+                "term": TERMS[each.mistake.kind].name,
+                "mistake": each.mistake.words,
+            }
+            if each.mistake
+            else {
+                "term": TERMS[name].name,
+                "expected": TERMS[name].expected,
+                "found": [*each.found.values()],
+            }
+            for each in programs
+            for name in (each.changed[:1] if each.mistake else each.changed)
         ],
         "dts": [*program.found],
         "frames": program.frames,
@@ -100,6 +111,10 @@ def diagnose_program(problem: Problem, runs: Runs, truth: np.ndarray) -> Diagnos
     return Diagnosis(cause, line, evidence, remedy)
 
 
+def _order(order: int | str) -> str:
+    return "it does not converge" if order == 0 else f"its order is {order}"
+
+
 _PINS = "let the loop over the nodes run from the first to the last"
 
 
@@ -109,7 +124,7 @@ def _fixed(nodes: tuple[int, ...]) -> str:
     return f"nodes {listed(map(str, nodes))} never move, though they are not pinned"
 
 
-def _said(program: Program, mass: float) -> tuple[str, str, str]:
+def _said(program: Program, problem: Problem) -> tuple[str, str, str]:
     """The cause, the words for it, and the remedy; the first cause counts where there are more."""
     mistakes = []
     if program.fixed:
@@ -132,13 +147,16 @@ def _said(program: Program, mass: float) -> tuple[str, str, str]:
         words = "a part of the force, such as the length of a spring, is in single precision"
         mistakes.append(("float32", words, "compute in double precision throughout"))
     if program.changed:
-        mistakes.append(_changed(program, mass))
+        mistakes.append(_changed(program, problem))
     causes, words, remedies = zip(*mistakes, strict=True)
     return causes[0], "; and ".join(words), "; ".join(remedies)
 
 
-def _changed(program: Program, mass: float) -> tuple[str, str, str]:
+def _changed(program: Program, problem: Problem) -> tuple[str, str, str]:
     """The same of the terms that are changed."""
+    if program.mistake:
+        term = TERMS[program.mistake.kind]
+        return "parameters", f"{term.name} {program.mistake.words}", term.remedy
     values, exponent = np.array([*program.found.values()]), power(program) or 0.0
     value = float(values[0])
     if exponent == 0.0:
@@ -148,16 +166,29 @@ def _changed(program: Program, mass: float) -> tuple[str, str, str]:
             cause, words, remedy = _MISTAKES[program.changed]
             return cause, words.format(f"{value:g}"), remedy
     if program.changed[0] in KEPT and exponent == 1.0:
-        dt = next(iter(program.found))
+        dt, mass = next(iter(program.found)), float(np.mean(problem.args.mass))
         words = f"there is a further damping, of coefficient {(1.0 - value) / dt * mass:.4g}"
         return "parameters", words, TERMS["further"].remedy
-    return _by_power(program, value, exponent)
+    return _by_power(program, problem, value, exponent)
 
 
-def _by_power(program: Program, value: float, exponent: float) -> tuple[str, str, str]:
-    term = TERMS[program.changed[0]]
+def _by_power(
+    program: Program, problem: Problem, value: float, exponent: float
+) -> tuple[str, str, str]:
+    name = program.changed[0]
+    term = TERMS[name]
     if exponent == 0.0:
-        return "parameters", said(program.changed[0], value), term.remedy
+        words = said(name, value)
+        known = [
+            each.words
+            for each in known_mistakes(problem.args)
+            if each.number is not None
+            and each.kind == {"forces": "mass"}.get(name, name)
+            and abs(each.number - value) <= _PRECISION * max(abs(value), 1.0)
+        ]
+        if known and term.expected == 1.0 and value not in _SIMPLE:
+            words += f" (perhaps it {known[0]})"
+        return "parameters", words, term.remedy
     if exponent < 0.0 and "damping" in term.name:
         return "damping-per-step", _PER_STEP.format(f"{term.name} acts once per step"), _SCALE
-    return "step-size", by_power(program.changed[0], exponent), term.remedy
+    return "step-size", by_power(name, exponent), term.remedy

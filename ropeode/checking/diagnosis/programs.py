@@ -15,11 +15,21 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ropeode.checking.diagnosis.limits import Runs
+from ropeode.checking.diagnosis.methods import (
+    METHODS,
+    MISTAKEN,
+    Method,
+    as_given,
+    at_rest,
+    semi_implicit_euler,
+)
 from ropeode.checking.diagnosis.rope_forces import (
     Forces,
+    KnownMistake,
     Terms,
     has_rope_forces,
     initial_states,
+    known_mistakes,
     right_terms,
 )
 from ropeode.checking.written_precision import last_digit
@@ -27,17 +37,12 @@ from ropeode.problems import Problem
 from ropeode.theory import is_rope
 from ropeode.theory.terms import TERMS
 
-# Acceleration of positions and velocities, all ``(copies, dim, nodes)``.
-Acceleration = Callable[[np.ndarray, np.ndarray], np.ndarray]
-# The next positions and velocities.
-Step = Callable[[Acceleration, np.ndarray, np.ndarray, float], tuple[np.ndarray, np.ndarray]]
-
 # A number is found in the first frame; the program must then give those up to here as well. Where
 # steps are many, the second frame is enough.
 _FRAMES = 3
 # How many steps of a run are computed, and of all; those runs come first that have the fewest. A
 # single run does not show which of several changes it is.
-_MOST_STEPS, _MOST_IN_ALL, _FEWEST_RUNS = 2048, 3000, 2
+_MOST_STEPS, _MOST_IN_ALL, _FEWEST_RUNS, _FEWEST_FRAMES = 2048, 3000, 2, 2
 # How closely positions must agree, as a part of the motion, or times the rounding of their digits.
 _SAME, _OF_ROUNDING = 1e-9, 4.0
 # A change must leave at most this part of how far the right program is from the positions.
@@ -46,8 +51,6 @@ _LEFT = 1e-3
 _LAST_BITS, _LARGEST = 2.0**-46, 1e-3
 # What moves by less than this part of the motion may seem to stand still in few digits.
 _STILL = 1e-3
-# Of a velocity on which its own damping depends.
-_ITERATIONS = 16
 # By how much a term is changed for its derivative, how often it is corrected, and which part of
 # that change is no correction any more. Where more than a part of a large difference stays,
 # according to the derivative, the term is given up.
@@ -84,150 +87,6 @@ CHANGES: tuple[tuple[str, ...], ...] = (
 )
 
 
-def _explicit_euler(a: Acceleration, x: np.ndarray, v: np.ndarray, dt: float) -> Any:
-    return x + dt * v, v + dt * a(x, v)
-
-
-def _semi_implicit_euler(a: Acceleration, x: np.ndarray, v: np.ndarray, dt: float) -> Any:
-    v = v + dt * a(x, v)
-    return x + dt * v, v
-
-
-def _positions_first(a: Acceleration, x: np.ndarray, v: np.ndarray, dt: float) -> Any:
-    x = x + dt * v
-    return x, v + dt * a(x, v)
-
-
-def _kick_drift_kick(a: Acceleration, x: np.ndarray, v: np.ndarray, dt: float) -> Any:
-    v = v + 0.5 * dt * a(x, v)
-    x = x + dt * v
-    return x, v + 0.5 * dt * a(x, v)
-
-
-def _velocity_verlet(a: Acceleration, x: np.ndarray, v: np.ndarray, dt: float) -> Any:
-    first = a(x, v)
-    x = x + dt * v + 0.5 * dt * dt * first
-    return x, v + 0.5 * dt * (first + a(x, v + dt * first))
-
-
-def _implicit_velocity(
-    a: Acceleration, x: np.ndarray, start: np.ndarray, weight: float
-) -> np.ndarray:
-    """The velocity ``u = start + weight a(x, u)``, found by iteration."""
-    u = start
-    for _ in range(_ITERATIONS):
-        last, u = u, start + weight * a(x, u)
-        if np.array_equal(u, last, equal_nan=True):
-            break
-    return u
-
-
-def _verlet_central(a: Acceleration, x: np.ndarray, v: np.ndarray, dt: float) -> Any:
-    v = _implicit_velocity(a, x, v + 0.5 * dt * a(x, v), 0.5 * dt)
-    return x + dt * v, v
-
-
-def _velocity_verlet_central(a: Acceleration, x: np.ndarray, v: np.ndarray, dt: float) -> Any:
-    v = v + 0.5 * dt * a(x, v)
-    x = x + dt * v
-    return x, _implicit_velocity(a, x, v, 0.5 * dt)
-
-
-def _midpoint(a: Acceleration, x: np.ndarray, v: np.ndarray, dt: float) -> Any:
-    half = v + 0.5 * dt * a(x, v)
-    return x + dt * half, v + dt * a(x + 0.5 * dt * v, half)
-
-
-def _heun(a: Acceleration, x: np.ndarray, v: np.ndarray, dt: float) -> Any:
-    first = a(x, v)
-    end = v + dt * first
-    return x + 0.5 * dt * (v + end), v + 0.5 * dt * (first + a(x + dt * v, end))
-
-
-def _rk4(a: Acceleration, x: np.ndarray, v: np.ndarray, dt: float) -> Any:
-    a1, v2 = (first := a(x, v)), v + 0.5 * dt * first
-    a2 = a(x + 0.5 * dt * v, v2)
-    v3 = v + 0.5 * dt * a2
-    a3 = a(x + 0.5 * dt * v2, v3)
-    v4 = v + dt * a3
-    a4 = a(x + dt * v3, v4)
-    x_new = x + dt / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
-    return x_new, v + dt / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
-
-
-# With which velocity a program begins; that of Verlet's methods is the way of a step over dt.
-def _as_given(a: Acceleration, x: np.ndarray, v: np.ndarray, dt: float) -> np.ndarray:
-    return v
-
-
-def _at_rest(a: Acceleration, x: np.ndarray, v: np.ndarray, dt: float) -> np.ndarray:
-    return np.zeros_like(v)
-
-
-def _by_taylor(a: Acceleration, x: np.ndarray, v: np.ndarray, dt: float) -> np.ndarray:
-    return v - 0.5 * dt * a(x, v)
-
-
-class Method(NamedTuple):
-    """A method that courses teach.
-
-    Fields:
-        name: in words.
-        order: of its positions; a pair has the order without damping, and with it.
-        step: from positions and velocities to the next ones.
-        start: the velocities with which it begins.
-        restores: whether rigid links are put back to their length before each step, or after it.
-        symplectic: whether its step is, without damping.
-        remedy: how the line is written that makes it the method it may be taken for.
-    """
-
-    name: str
-    order: int | tuple[int, int]
-    step: Step
-    start: Callable[..., np.ndarray] = _as_given
-    restores: str = ""
-    symplectic: bool = True
-    remedy: str = ""
-
-
-_RESTORED = "Verlet with links restored"
-METHODS = {
-    "springs": (
-        Method("semi-implicit Euler", 1, _semi_implicit_euler),
-        Method(
-            "explicit Euler",
-            1,
-            _explicit_euler,
-            symplectic=False,
-            remedy="for semi-implicit Euler: v_new = v + dt * a; x_new = x + dt * v_new",
-        ),
-        Method("Störmer-Verlet that starts at rest", 1, _semi_implicit_euler, _at_rest),
-        Method("Störmer-Verlet", (2, 1), _semi_implicit_euler, _by_taylor),
-        Method("semi-implicit Euler, positions first", 1, _positions_first),
-        Method("velocity Verlet", 2, _velocity_verlet),
-        Method(
-            "velocity Verlet in the form kick-drift-kick",
-            (2, 1),
-            _kick_drift_kick,
-            remedy="damping force: -damping * (v + v_new) / 2",
-        ),
-        Method("Störmer-Verlet with central damping", 2, _verlet_central, _by_taylor),
-        Method(
-            "Störmer-Verlet with central damping that starts at rest", 1, _verlet_central, _at_rest
-        ),
-        Method("velocity Verlet with central damping", 2, _velocity_verlet_central),
-        Method("RK4", 4, _rk4, symplectic=False),
-        Method("the midpoint method", 2, _midpoint, symplectic=False),
-        Method("Heun's method", 2, _heun, symplectic=False),
-    ),
-    "rigid links": tuple(
-        Method(f"{_RESTORED} {when} each step{words}", 1, _semi_implicit_euler, start, when)
-        for start, words in ((_at_rest, " that starts at rest"), (_by_taylor, ""))
-        for when in ("before", "after")
-    ),
-}
-
-
 class Program(NamedTuple):
     """A program that computes the positions in the files.
 
@@ -241,6 +100,7 @@ class Program(NamedTuple):
         forgets_velocity: whether it begins at rest, and should not.
         extra: the first frame in which it makes a step too many, by step size.
         single: whether lengths in single precision explain the difference.
+        mistake: a known one that changes these terms, in place of a number that was found.
     """
 
     method: Method
@@ -252,6 +112,7 @@ class Program(NamedTuple):
     forgets_velocity: bool = False
     extra: dict[float, int] = {}  # noqa: RUF012  (nobody changes it)
     single: bool = False
+    mistake: KnownMistake | None = None
 
     @property
     def is_right(self) -> bool:
@@ -272,10 +133,12 @@ class _Run:
     def __init__(self, problem: Problem, dt: float, states: np.ndarray):
         self._problem, self.dt = problem, dt
         frame = float(np.max(np.diff(problem.ts[: _FRAMES + 1])))
-        self.frames = min(_FRAMES, problem.frames, max(2, int(_MOST_STEPS * dt / frame)))
+        frames = min(_FRAMES, problem.frames, max(2, int(_MOST_STEPS * dt / frame)))
+        finite = np.all(np.isfinite(states[: frames + 1, 0]), axis=(1, 2))
+        self.frames = max(0, int(np.argmin([*finite, False])) - 1)
         self._ts = problem.ts[: self.frames + 1]
         self.positions = states[: self.frames + 1, 0]
-        motion = float(np.max(np.abs(self.positions - self.positions[0])))
+        motion = float(np.max(np.abs(self.positions - self.positions[:1]), initial=0.0))
         self._motion = motion or math.nan
         rounding = last_digit(self.positions)
         self.same = max(_SAME, _OF_ROUNDING * rounding / self._motion)
@@ -287,7 +150,7 @@ class _Run:
         whole = np.all(np.abs(np.diff(self._ts) / self.dt - counts) < _ALIKE)
         few = np.sum(counts) <= _MOST_STEPS
         precise = self.same <= _LARGEST
-        return bool(whole and few and precise and math.isfinite(self._motion))
+        return bool(self.frames >= 1 and whole and few and precise and self._motion > 0.0)
 
     def by_number(self) -> np.ndarray:
         """How many steps make each frame, where they are counted."""
@@ -323,8 +186,8 @@ class _Run:
         args, dt = self._problem.args, self.dt
         x, v = initial_states(self._problem, terms)
         x = x * (1.0 + shaken)
-        v = method.start(Forces(args, terms), x, v, dt)
         kept = (terms["kept"] * terms["kept_first"])[:, None, None]
+        v = method.start(lambda x, v: Forces(args, terms)(x, kept * v), x, v, dt)
         kept_last = terms["kept_last"][:, None, None]
         forces, last, samples = Forces(args, terms, single=single), x - dt * v, []
         for count in counts:
@@ -345,7 +208,7 @@ class _Run:
     def fitted(self, method: Method, guesses: Sequence[_Guess], counts: np.ndarray) -> list[_Guess]:
         """The guesses with the values that give the first frame, as far as any does."""
         values = np.array([guess.value for guess in guesses])
-        going = np.flatnonzero([bool(guess.changed) for guess in guesses])
+        going = np.flatnonzero([guess.is_number for guess in guesses])
         for correction in range(_MOST_CORRECTIONS):
             if not len(going):
                 break
@@ -365,7 +228,7 @@ class _Run:
         return [
             guess._replace(value=value)
             for guess, value in found
-            if value == value or not guess.changed
+            if value == value or not guess.is_number
         ]
 
     def agreeing(
@@ -389,10 +252,16 @@ class _Run:
 
 
 class _Guess(NamedTuple):
-    """Terms that may be wrong, and their value."""
+    """Terms that may be wrong, and their value, or a known mistake that has none."""
 
     changed: tuple[str, ...]
     value: float
+    mistake: KnownMistake | None = None
+
+    @property
+    def is_number(self) -> bool:
+        """Whether the value is to be found."""
+        return bool(self.changed) and self.mistake is None
 
 
 _RIGHT = _Guess((), math.nan)
@@ -402,8 +271,12 @@ def _terms(guesses: Sequence[_Guess], values: np.ndarray) -> Terms:
     """The terms of a copy of a program for each guess, with its value."""
     terms = right_terms(len(guesses))
     for copy, guess in enumerate(guesses):
+        known = guess.mistake.values if guess.mistake else {}
         for name in guess.changed:
-            terms[name][copy] = values[copy]
+            value = known.get(name, values[copy])
+            if np.ndim(value) > terms[name].ndim - 1:
+                terms[name] = np.repeat(terms[name][:, None], np.size(value), axis=1)
+            terms[name][copy] = value
     return terms
 
 
@@ -447,22 +320,34 @@ def programs_of(problem: Problem, runs: Runs, truth: np.ndarray) -> tuple[Progra
     known = sorted((run for run in known if run.usable), key=lambda run: -run.dt)
     in_all = np.cumsum([np.sum(run.by_number()) for run in known])
     known = known[: max(int(np.sum(in_all <= _MOST_IN_ALL)), _FEWEST_RUNS)]
-    if len(known) < _FEWEST_RUNS:
+    if not known:
         return ()
+    # A number is found in a frame, and another one shows that it is right.
+    longer = [run for run in known if run.frames >= _FEWEST_FRAMES]
+    longer = longer if len(longer) >= _FEWEST_RUNS else []
     right, changed = [_RIGHT], [_RIGHT]
+    mistakes = [
+        _Guess(tuple(each.values), math.nan, each)
+        for each in known_mistakes(problem.args)
+        if each.number is None
+    ]
     for terms in CHANGES:
         if kind == "springs" or not {*terms} & _OF_SPRINGS:
             changed += [_Guess(terms, start) for start in TERMS[terms[0]].starts]
-    searches: Sequence[Callable[[Method], list[Program]]] = (
-        lambda method: _programs(method, right, known, _Run.by_number),
-        lambda method: _programs(method, right, known, _Run.added_up),
-        lambda method: _programs(method, changed, known, _Run.by_number),
-        lambda method: _in_single(method, known),
+    methods = METHODS[kind]
+    mistaken = MISTAKEN if kind == "springs" else ()
+    searches: Sequence[tuple[tuple[Method, ...], Callable[[Method], list[Program]]]] = (
+        (methods, lambda method: _programs(method, right, longer, _Run.by_number)),
+        (methods, lambda method: _programs(method, right, longer, _Run.added_up)),
+        (mistaken, lambda method: _programs(method, right, known, _Run.by_number)),
+        (methods, lambda method: _programs(method, mistakes, known, _Run.by_number)),
+        (methods, lambda method: _programs(method, changed, longer, _Run.by_number)),
+        (methods, lambda method: _in_single(method, longer)),
     )
     with np.errstate(all="ignore"):  # Programs that blow up.
-        for search in searches:
+        for of, search in searches:
             found: list[Program] = []
-            for method in METHODS[kind]:
+            for method in of:
                 found += search(method)
                 if any(power(each) == 0.0 for each in found):
                     break
@@ -476,11 +361,11 @@ def programs_of(problem: Problem, runs: Runs, truth: np.ndarray) -> tuple[Progra
 def _named(program: Program, problem: Problem, fixed: tuple[int, ...]) -> Program:
     """A program with what is known beside the runs."""
     method, moves = program.method, bool(np.any(problem.y0[1]))
-    alike = method.step is _semi_implicit_euler and method.start in (_as_given, _at_rest)
+    alike = method.step is semi_implicit_euler and method.start in (as_given, at_rest)
     if alike and not moves and not method.restores:
         name = "semi-implicit Euler (or Störmer-Verlet, which moves alike from rest)"
         method = method._replace(name=name)
-    forgets = method.start is _at_rest and moves
+    forgets = method.start is at_rest and moves
     return program._replace(method=method, fixed=fixed, forgets_velocity=forgets)
 
 
@@ -503,7 +388,7 @@ def power(program: Program) -> float | None:
         dt, and so on; None if it follows no power, or vanishes with dt as the error of a method
         does, which is no mistake.
     """
-    if not program.changed:
+    if not program.changed or program.mistake:
         return 0.0
     name = program.changed[0]
     dts, values = (np.array(each) for each in zip(*program.found.items(), strict=True))
@@ -535,6 +420,8 @@ def _programs(
         runs: from coarse to fine.
         clock: how many steps they make in each frame of a run.
     """
+    if not (guesses and runs):
+        return []
     counts = [clock(run) for run in runs]
     extra = {
         run.dt: int(np.argmax(each != run.by_number())) + 1
@@ -545,11 +432,16 @@ def _programs(
         return []
     first = runs[0].agreeing(method, runs[0].fitted(method, guesses, counts[0]), counts[0])
     found = []
-    for changed in dict.fromkeys(guess.changed for guess, _ in first):
-        guess, misfit = next(each for each in first if each[0].changed == changed)
+    seen = set()
+    for guess, misfit in first:
+        same = guess.changed, guess.mistake and guess.mistake.words
+        if same in seen:
+            continue
+        seen.add(same)
         values = _followed(method, guess, runs, counts)
         if values is not None:
-            found.append(Program(method, changed, values, misfit, runs[0].frames, extra=extra))
+            program = Program(method, guess.changed, values, misfit, runs[0].frames, extra=extra)
+            found.append(program._replace(mistake=guess.mistake))
     return found
 
 
@@ -561,11 +453,11 @@ def _followed(
     for run, count in zip(runs[1:], counts[1:], strict=True):
         dt, value = next(reversed(values.items()))
         starts = [value]
-        if guess.changed:
+        if guess.is_number:
             expected, ratio = TERMS[guess.changed[0]].expected, run.dt / dt
             starts += [expected + (value - expected) * r for r in (ratio, 1.0 / ratio)]
             starts += [value * ratio, value / ratio]
-        guesses = [_Guess(guess.changed, start) for start in starts]
+        guesses = [guess._replace(value=start) for start in starts]
         # With all digits a value need not be found anew.
         agreeing = run.agreeing(method, guesses, count) if run.same <= _SAME else []
         agreeing = agreeing or run.agreeing(method, run.fitted(method, guesses, count), count)
@@ -580,6 +472,8 @@ def _in_single(method: Method, runs: Sequence[_Run]) -> list[Program]:
 
     Rounding is as large at all step sizes. How far another right method is from this one is not.
     """
+    if not runs:
+        return []
     right, left = _terms([_RIGHT], np.full(1, math.nan)), []
     for run in runs:
         double = run.misfits(method, right, run.by_number())
