@@ -6,8 +6,8 @@ the limit of their runs. All three say it with this table.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -43,6 +43,8 @@ class Mistake(NamedTuple):
 
 
 AXES = ("x", "y", "z")
+# How closely factors are the same.
+_SAME = 1e-12
 _ALL = "a = gravity + force / mass"
 _SPRING = "a_spring = stiffness * (length - rest_length) * d / length / mass"
 _DAMPING = "a_damping = -damping * v / mass"
@@ -274,3 +276,77 @@ LAWS = {
         lambda v: 1.0 / np.maximum(_speed(v), np.finfo(float).tiny),
     ),
 }
+
+
+class KnownMistake(NamedTuple):
+    """A mistake of `MISTAKES` or `LAWS` on one rope.
+
+    Fields:
+        kind: of the term.
+        words: what follows its name.
+        values: of terms, for each node or spring; 1 of another law.
+        number: by which it multiplies a term, if it is the same everywhere on this rope.
+    """
+
+    kind: str
+    words: str
+    values: Mapping[str, np.ndarray]
+    number: float | None = None
+
+
+def known_mistakes(args: Any) -> list[KnownMistake]:
+    """The mistakes that change the motion of a rope; of those that change it alike the first.
+
+    Arguments:
+        args: the rope's numbers.
+    """
+    at_nodes = [TermPlace(args, node, 0) for node in range(len(args.mass))]
+    springs = range(len(args.rest_length) if hasattr(args, "stiffness") else 0)
+    at_ends = [[TermPlace(args, i + end, i) for i in springs] for end in (0, 1)]
+    places = {
+        "mass": {"forces": at_nodes},
+        "gravity": {"gravity": at_nodes},
+        "damping": {"damping": at_nodes},
+        "spring": dict(zip(("first_ends", "second_ends"), at_ends, strict=True)),
+        "rest": {"rest": at_ends[0]},
+    }
+    found: dict[bytes, KnownMistake] = {}
+    for kind in places if springs else ("gravity", "damping"):
+        for mistake in MISTAKES[kind]:
+            with np.errstate(all="ignore"):  # A length or a damping of zero.
+                values = {
+                    name: np.array([mistake.factor(place) for place in at])
+                    for name, at in places[kind].items()
+                }
+            effect = _effect(args, values)
+            changed = np.concatenate(effect)
+            if not np.all(np.isfinite(changed)) or np.allclose(changed, 1.0, rtol=0.0, atol=_SAME):
+                continue
+            own = np.concatenate([part for part in effect if not np.all(part == 1.0)])
+            number = float(own[0]) if np.ptp(own) <= _SAME * abs(own[0]) else None
+            key = np.round(changed, 12).tobytes()
+            found.setdefault(key, KnownMistake(kind, mistake.words, values, number))
+    laws = [
+        KnownMistake(law.kind, law.words, {name: np.ones(1)})
+        for name, law in LAWS.items()
+        if (springs if law.kind == "spring" else np.any(args.damping))
+    ]
+    return [*found.values(), *laws]
+
+
+def _effect(args: Any, values: Mapping[str, np.ndarray]) -> list[np.ndarray]:
+    """The factors of all terms that a rope has, at its free nodes and at its springs."""
+
+    def of(name: str) -> np.ndarray:
+        return values.get(name, np.ones(1))
+
+    free, forces = args.free != 0.0, of("forces") * np.ones(len(args.mass))
+    damped = free & (args.damping != 0.0)
+    effect = [(of("damping") * forces)[damped]]
+    if np.any(args.gravity):
+        effect.append((of("gravity") * np.ones(len(free)))[free])
+    if hasattr(args, "stiffness"):
+        effect.append((of("first_ends") * forces[:-1])[free[:-1]])
+        effect.append((of("second_ends") * forces[1:])[free[1:]])
+        effect.append(of("rest"))
+    return effect

@@ -193,14 +193,15 @@ METHODS = {
             remedy="damping force: -damping * (v + v_new) / 2",
         ),
         Method("Störmer-Verlet in the form drift-kick-drift", (2, 1), _drift_kick_drift),
+        Method("RK4", 4, _runge_kutta(_RK4_ROWS, _RK4_WEIGHTS), symplectic=False),
+        Method("the midpoint method", 2, _runge_kutta(((0.5,),), (0.0, 1.0)), symplectic=False),
+        Method("Heun's method", 2, _runge_kutta(((1.0,),), (0.5, 0.5)), symplectic=False),
+        # Those that iterate take the most time.
         Method("Störmer-Verlet with central damping", 2, _verlet_central, _by_taylor),
         Method(
             "Störmer-Verlet with central damping that starts at rest", 1, _verlet_central, at_rest
         ),
         Method("velocity Verlet with central damping", 2, _velocity_verlet_central),
-        Method("RK4", 4, _runge_kutta(_RK4_ROWS, _RK4_WEIGHTS), symplectic=False),
-        Method("the midpoint method", 2, _runge_kutta(((0.5,),), (0.0, 1.0)), symplectic=False),
-        Method("Heun's method", 2, _runge_kutta(((1.0,),), (0.5, 0.5)), symplectic=False),
     ),
     "rigid links": tuple(
         Method(f"{_RESTORED} {when} each step{words}", 1, semi_implicit_euler, start, when)

@@ -12,11 +12,10 @@ from ropeode.checking.diagnosis.programs import (
     power,
     programs_of,
 )
-from ropeode.checking.diagnosis.rope_forces import known_mistakes
 from ropeode.checking.report import Diagnosis
 from ropeode.checking.simple_numbers import shortest
 from ropeode.problems import Problem
-from ropeode.theory.terms import TERMS, by_power, said
+from ropeode.theory.terms import TERMS, by_power, known_mistakes, said
 from ropeode.validation import listed
 
 # How precisely a number is found, as a part of itself and of the right one.

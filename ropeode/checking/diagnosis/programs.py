@@ -25,17 +25,15 @@ from ropeode.checking.diagnosis.methods import (
 )
 from ropeode.checking.diagnosis.rope_forces import (
     Forces,
-    KnownMistake,
     Terms,
     has_rope_forces,
     initial_states,
-    known_mistakes,
     right_terms,
 )
 from ropeode.checking.written_precision import last_digit
 from ropeode.problems import Problem
 from ropeode.theory import is_rope
-from ropeode.theory.terms import TERMS
+from ropeode.theory.terms import TERMS, KnownMistake, known_mistakes
 
 # A number is found in the first frame; the program must then give those up to here as well. Where
 # steps are many, the second frame is enough.
@@ -239,10 +237,12 @@ class _Run:
         terms = _terms(every, np.array([guess.value for guess in every]))
         apart = self.misfits(method, terms, counts)
         largest = np.max(np.abs(apart), axis=1)
-        # A program that is unstable makes much of the last bit, in which two right ones may differ.
-        shaken = self.misfits(method, terms, counts, shaken=_LAST_BITS)
-        by_rounding = np.max(np.abs(shaken - apart), axis=1)
-        allowed = np.maximum(self.same, np.minimum(by_rounding, _LARGEST))
+        allowed = np.full(len(largest), self.same)
+        if np.any((largest > self.same) & (largest <= _LARGEST)):
+            # An unstable program makes much of the last bit, in which two right ones may differ.
+            shaken = self.misfits(method, terms, counts, shaken=_LAST_BITS)
+            by_rounding = np.max(np.abs(shaken - apart), axis=1)
+            allowed = np.maximum(self.same, np.minimum(by_rounding, _LARGEST))
         allowed[1:] = [
             min(most, _LEFT * largest[0]) if guess.changed else most
             for guess, most in zip(guesses, allowed[1:], strict=True)

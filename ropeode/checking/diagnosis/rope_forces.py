@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from ropeode.problems import Problem
-from ropeode.theory.rope_terms import TermPlace
-from ropeode.theory.terms import AXES, LAWS, MISTAKES, TERMS
+from ropeode.theory.terms import AXES, LAWS, TERMS
 
 # The numbers of a rope without springs.
 _NUMBERS = {"mass", "rest_length", "free", "gravity", "damping"}
 
-# How closely factors are the same.
-_SAME = 1e-12
 # Values of terms by name, ``(copies,)`` each, or ``(copies, places)`` for each node or spring.
 Terms = Mapping[str, np.ndarray]
 
@@ -24,80 +21,6 @@ def right_terms(copies: int) -> dict[str, np.ndarray]:
     """The terms of right programs."""
     terms = {name: np.full(copies, term.expected) for name, term in TERMS.items()}
     return terms | {name: np.zeros(copies) for name in LAWS}
-
-
-class KnownMistake(NamedTuple):
-    """A mistake of `MISTAKES` or `LAWS` on one rope.
-
-    Fields:
-        kind: of the term.
-        words: what follows its name.
-        values: of terms, for each node or spring; 1 of another law.
-        number: by which it multiplies a term, if it is the same everywhere on this rope.
-    """
-
-    kind: str
-    words: str
-    values: Mapping[str, np.ndarray]
-    number: float | None = None
-
-
-def known_mistakes(args: Any) -> list[KnownMistake]:
-    """The mistakes that change the motion of a rope; of those that change it alike the first.
-
-    Arguments:
-        args: the rope's numbers.
-    """
-    at_nodes = [TermPlace(args, node, 0) for node in range(len(args.mass))]
-    springs = range(len(args.rest_length) if hasattr(args, "stiffness") else 0)
-    at_ends = [[TermPlace(args, i + end, i) for i in springs] for end in (0, 1)]
-    places = {
-        "mass": {"forces": at_nodes},
-        "gravity": {"gravity": at_nodes},
-        "damping": {"damping": at_nodes},
-        "spring": dict(zip(("first_ends", "second_ends"), at_ends, strict=True)),
-        "rest": {"rest": at_ends[0]},
-    }
-    found: dict[bytes, KnownMistake] = {}
-    for kind in places if springs else ("gravity", "damping"):
-        for mistake in MISTAKES[kind]:
-            with np.errstate(all="ignore"):  # A length or a damping of zero.
-                values = {
-                    name: np.array([mistake.factor(place) for place in at])
-                    for name, at in places[kind].items()
-                }
-            effect = _effect(args, values)
-            changed = np.concatenate(effect)
-            if not np.all(np.isfinite(changed)) or np.allclose(changed, 1.0, rtol=0.0, atol=_SAME):
-                continue
-            own = np.concatenate([part for part in effect if not np.all(part == 1.0)])
-            number = float(own[0]) if np.ptp(own) <= _SAME * abs(own[0]) else None
-            key = np.round(changed, 12).tobytes()
-            found.setdefault(key, KnownMistake(kind, mistake.words, values, number))
-    laws = [
-        KnownMistake(law.kind, law.words, {name: np.ones(1)})
-        for name, law in LAWS.items()
-        if (springs if law.kind == "spring" else np.any(args.damping))
-    ]
-    return [*found.values(), *laws]
-
-
-def _effect(args: Any, values: Mapping[str, np.ndarray]) -> list[np.ndarray]:
-    """The factors of all terms that a rope has, at its free nodes and at its springs."""
-
-    def of(name: str) -> np.ndarray:
-        return values.get(name, np.ones(1))
-
-    free, forces = args.free != 0.0, of("forces") * np.ones(len(args.mass))
-    damped = free & (args.damping != 0.0)
-    effect = [(of("damping") * forces)[damped]]
-    if np.any(args.gravity):
-        effect.append((of("gravity") * np.ones(len(free)))[free])
-    if hasattr(args, "stiffness"):
-        effect.append((of("first_ends") * forces[:-1])[free[:-1]])
-        effect.append((of("second_ends") * forces[1:])[free[1:]])
-        effect.append(of("rest"))
-    return effect
 
 
 def has_rope_forces(problem: Problem) -> bool:
@@ -142,6 +65,7 @@ class Forces:
         springs_at[1:-1] = 2.0
         further = self._of["further"] + self._of["per_spring"] * springs_at
         self._drag, self._further = -self._of["damping"] * args.damping, -further
+        self._at: np.ndarray | None = None
         self._laws = {name for name in ("dashpot", *LAWS) if np.any(terms[name])}
 
     def __call__(self, x: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -167,19 +91,26 @@ class Forces:
 
     def _pull(self, x: np.ndarray, v: np.ndarray) -> np.ndarray:
         """The force of each spring on the node before it."""
+        # A velocity that depends on its own damping is sought at one place.
+        if x is not self._at:
+            self._at, self._springs = x, self._tensions(x)
+        tension, along = self._springs
+        if "dashpot" in self._laws:
+            apart = np.einsum("cdn,cdn->cn", v[:, :, 1:] - v[:, :, :-1], along)[:, None]
+            tension = tension + self._of["dashpot"] * apart
+        return tension * along
+
+    def _tensions(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The tension of each spring without its damping, and its direction."""
         of, args = self._of, self._args
         d = x[:, :, 1:] - x[:, :, :-1]
         length = np.sqrt(np.einsum("cdn,cdn->cn", d, d))[:, None]
         if self._single:
             length = length.astype(np.float32).astype(np.float64)
-        along = d / length
         stretch = length - of["rest"] * args.rest_length
         tension = of["spring"] * args.stiffness * stretch
         tension = self._lawful("spring", tension, length=length, stretch=stretch)
-        if "dashpot" in self._laws:
-            apart = np.einsum("cdn,cdn->cn", v[:, :, 1:] - v[:, :, :-1], along)[:, None]
-            tension = tension + of["dashpot"] * apart
-        return tension * along
+        return tension, d / length
 
     def _lawful(self, kind: str, right: np.ndarray, **measures: np.ndarray) -> np.ndarray:
         """A term as the copies have it whose law is another."""
