@@ -11,11 +11,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from ropeode import cache, norms
-from ropeode.analysis import in_other_units
+from ropeode import cache
 from ropeode.cache import Source, described
 from ropeode.problems import InextensibleRope, Problem, Rope
-from ropeode.simulation import simulate
 from ropeode.steppers import RungeKutta4, StormerVerlet, as_stepper
 
 POINT, ARRAY = np.array([0.1, 0.7]), np.array([1.0, 2.0])
@@ -160,42 +158,6 @@ class Derived(RungeKutta4):
     """A user's own, which computes nobody knows what."""
 
 
-def decay(t, y, args):
-    return -y / 19.0
-
-
-def test_which_runs_share_a_program(monkeypatch):
-    """Those of the library alone, and no others than in one process."""
-
-    def description_of(problem, stepper="rk4"):
-        found = []
-        monkeypatch.setattr(
-            "ropeode.cache.program", lambda description, _: found.append(description)
-        )
-        with pytest.raises(TypeError):
-            simulate(problem, stepper, 16)
-        return found.pop()
-
-    # Of a size, and a decay of a rate, that no other test has: this process has compiled no
-    # program of either.
-    small = Rope(num_nodes=19)
-    problem = small.problem(frames=3)
-    one = description_of(problem)
-    same = Rope(num_nodes=19, damping=0.0, stiffness=7.0).problem(frames=5)
-    assert description_of(same) == one
-    others = [
-        description_of(small.problem(frames=40)),
-        description_of(Rope(num_nodes=20).problem(frames=3)),
-        description_of(in_other_units(problem)),
-        description_of(problem, "stormer-verlet"),
-        description_of(problem, "stormer-verlet:start=rest"),
-        description_of(small.ensemble(frames=3, damping=np.linspace(0.0, 0.1, 9))),
-    ]
-    assert len({one, *others}) == 7
-    assert description_of(problem, Derived()) is None
-    assert description_of(Problem(decay, [1.0], [0.0, 1.0])) is None
-
-
 @pytest.mark.parametrize(
     ("one", "other"),
     [
@@ -238,12 +200,3 @@ def test_one_description_for_one_value_and_another_for_another(one, other):
 def test_what_is_the_users_has_none(value):
     with pytest.raises(TypeError):
         described((1, value))
-
-
-def test_a_function_in_place_of_one_of_ropeodes_has_none(monkeypatch):
-    own = norms.distance
-    assert described(own)
-    monkeypatch.setattr(norms, "distance", lambda *given: own(*given))
-    for function in (own, norms.distance):
-        with pytest.raises(TypeError):
-            described(function)

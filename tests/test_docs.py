@@ -148,19 +148,6 @@ def test_nobody_is_sent_to_a_package_index():
         assert not re.search(r"pip install \S*ropeode", path.read_text()), path
 
 
-@pytest.mark.parametrize("readme", [README, ROOT / "README.zh.md"], ids=page_id)
-def test_readme_is_short_and_has_two_commands_and_five_lines(readme):
-    text = readme.read_text()
-    assert len(text.splitlines()) <= 95
-    for page in (readme, ROOT / "docs/howto/install.md"):
-        commands = page.read_text().split("```")[1]
-        assert re.findall(r"^make \w+", commands, re.MULTILINE) == ["make table", "make test"]
-    ((example, output),) = EXAMPLE.findall(text)
-    assert len([line for line in example.splitlines() if line]) == 5
-    assert "accuracy_table(" in example
-    assert output
-
-
 def test_pages_show_the_files():
     shown = {code for page in DOCS for _, code in FENCE.findall(page.read_text())}
     for name in ("pendulum.py", "heun3.toml", "steps.py"):

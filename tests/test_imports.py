@@ -17,8 +17,6 @@ import pytest
 
 import ropeode
 from docs import rooms
-from ropeode.cache import source_digest
-from ropeode.sweep import SweepSpec
 
 PACKAGE = Path(ropeode.__file__).parent
 ROOT = PACKAGE.parent
@@ -153,15 +151,6 @@ def test_what_a_face_lists_exists(folder):
         getattr(face, name)
         # A module of the same name would hide it.
         assert face is ropeode or not (folder / f"{name}.py").exists(), name
-
-
-def test_the_rows_of_a_sweep_count_all_sources_that_it_imports():
-    """Those of all rooms below, and the files beside the rooms."""
-    folders = sorted(room for room in below("sweep") | {"sweep"} if (PACKAGE / room).is_dir())
-    assert {"sweep", "steppers", "references"} < set(folders)
-    parts = [*sorted(path.name for path in PACKAGE.glob("*.py")), *folders]
-    spec = {"steppers": ["rk4"], "rope": {"num_nodes": 3}, "grid": {"damping": [0.1]}}
-    assert SweepSpec(spec).software["source"] == source_digest(PACKAGE, parts)
 
 
 def test_float64_is_not_switched_on_for_the_caller(small_rope):

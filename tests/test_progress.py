@@ -14,7 +14,6 @@ import ropeode
 from ropeode import bars, simulate
 from ropeode.errors import InputError
 from ropeode.progress import bar, shows_progress, silent
-from ropeode.terminal import show_progress
 from tests.time_limit import until
 
 LONG_S = 5.0
@@ -131,14 +130,6 @@ def test_an_iterator_has_one_bar_for_all_that_it_yields(notebook):
     assert len(notebook.outputs) >= 3
 
 
-@pytest.mark.parametrize("worker", ["multiprocessing.parent_process", "ropeode.sandbox.is_child"])
-def test_files_and_workers_show_nothing(worker, notebook, monkeypatch):
-    monkeypatch.setattr(worker, lambda: True)
-    assert bars.bar_here() is None
-    monkeypatch.undo()
-    assert bars.bar_here() is None
-
-
 def test_a_terminal_shows_a_bar(monkeypatch):
     class Terminal(io.StringIO):
         def isatty(self):
@@ -161,15 +152,6 @@ def test_a_terminal_shows_a_bar(monkeypatch):
     left = pieces(lambda: drawn("piece 0"))
     next(left)
     assert screen.getvalue().endswith("\x1b[2K")
-
-
-def test_a_command_shows_one_bar(monkeypatch):
-    """What it calls shows none of its own beside it."""
-    monkeypatch.setattr(sys, "stderr", SimpleNamespace(isatty=lambda: True))
-    monkeypatch.setattr(bars, "TerminalBar", lambda **_: SimpleNamespace(draw=print, erase=print))
-    monkeypatch.setattr(bars, "bar_here", lambda: pytest.fail("a second bar"))
-    with show_progress():
-        assert work() == "done"
 
 
 def test_every_public_function_that_takes_progress_shows_a_bar():

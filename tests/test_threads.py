@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import subprocess
 import sys
-import threading
 
 import jax
 import jax.numpy as jnp
@@ -14,20 +13,8 @@ import pytest
 
 from ropeode import reference
 from ropeode.cli import run_command
-from ropeode.threads import cores, threads, use_cores
+from ropeode.threads import cores, use_cores
 from tests.time_limit import HANGS_AFTER_S
-
-
-def test_a_limit_holds_until_it_is_taken_back():
-    there = cores()
-    try:
-        use_cores(1)
-        assert cores() == 1
-        use_cores(there + 7)
-        assert cores() == there
-    finally:
-        use_cores(None)
-    assert cores() == there
 
 
 def test_a_small_system_is_not_computed_on_a_gpu(small_rope, same_jax_settings, monkeypatch):
@@ -57,13 +44,6 @@ def test_a_command_asks_jax_for_the_processor(given, command_surroundings):
     jax.config.update("jax_platforms", given)
     run_command(["table", "--problem=no such problem"])
     assert jax.config.jax_platforms == (given or "cpu")  # pyright: ignore
-
-
-def test_as_many_threads_as_are_asked_for():
-    together = threading.Barrier(3)
-    with threads(3) as pool:
-        for each in [pool.submit(together.wait, HANGS_AFTER_S) for _ in range(3)]:
-            each.result()
 
 
 # Batches that JAX divides among the threads of XLA's pool: eight in one program, or one in each of
@@ -127,3 +107,15 @@ def test_a_batch_is_solved_as_each_matrix_alone(function):
             alone = jax.tree.leaves(solve(a[index], b[index]))
             for one, other in zip(every, alone, strict=True):
                 np.testing.assert_array_equal(one[index], other)
+
+
+def test_a_limit_holds_until_it_is_taken_back():
+    there = cores()
+    try:
+        use_cores(1)
+        assert cores() == 1
+        use_cores(there + 7)
+        assert cores() == there
+    finally:
+        use_cores(None)
+    assert cores() == there

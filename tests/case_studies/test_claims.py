@@ -17,7 +17,6 @@ from ropeode.case_studies import (
     all_comparisons,
     all_figures,
     compared,
-    measured,
     rope_report,
     verdict,
 )
@@ -82,19 +81,6 @@ def test_verdicts(seen, theory, expected):
     for claim, word in zip(CLAIMS, expected.split(", "), strict=True):
         until = word.replace("until", "holds until frame")
         assert verdict(claim, seen, theory) == words.get(word, until)
-
-
-def test_words():
-    frame = int(np.ceil(np.log(1000) / 0.005))
-    assert measured(motion(swings=1), DECAYS).startswith(
-        f"1 swing, moving at frame 1000 (rest expected near {frame})"
-    )
-    for theory in (STILL, GROWS, growth(-1e-13)):
-        assert "rest expected" not in measured(motion(), theory)
-    assert measured(RESTED_THEN_APART, GROWS) == (
-        "4 swings, at rest from frame 300 to 700, flies apart at frame 720"
-    )
-    assert measured(QUIET, DECAYS).startswith("no swing, at rest from frame 300, stretch")
 
 
 EARLY, LATE, SOON = motion(diverged_at=10), motion(diverged_at=90), motion(settled_at=20)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import diffrax
 import numpy as np
-import optimistix
 import pytest
 from scipy import integrate
 
@@ -113,24 +112,10 @@ def states_of(solver, steps, problem="uneven"):
     return simulate(convergence_problems()[problem], solver, steps).states
 
 
-@pytest.mark.slow
-def test_a_loose_root_finder_shows_in_the_states():
-    finder = optimistix.Chord(rtol=1e-3, atol=1e-3)
-    exact = states_of("diffrax:ImplicitEuler", 8)
-    loose = states_of(diffrax.ImplicitEuler(root_finder=finder), 8)
-    assert 1e-9 < np.max(np.abs(exact - loose)) < 1e-2
-
-
 def test_a_wrapped_solver_takes_two_half_steps():
     half = as_stepper(diffrax.HalfSolver(diffrax.Euler()))
     assert half.label == "diffrax:HalfSolver"
     np.testing.assert_allclose(states_of(half, 10), states_of("diffrax:Euler", 20), atol=1e-13)
-
-
-def test_both_libraries_make_the_same_of_the_same_method():
-    """Dormand and Prince's method of order 5 is in both."""
-    first, second = (states_of(each, 6) for each in ("diffrax:Dopri5", integrate.RK45))
-    assert np.max(np.abs(first - second)) < 1e-13
 
 
 def test_a_step_that_scipy_would_shorten_is_no_step():

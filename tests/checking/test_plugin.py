@@ -110,24 +110,6 @@ def test_options(pytester):
     result.stdout.fnmatch_lines(["# Check of explicit_euler*", "| WRONG*"])
 
 
-@pytest.mark.slow
-def test_it_costs_nothing_where_it_is_not_used(pytester):
-    pytester.makepyfile(
-        """
-        import sys
-        def test_nothing():
-            assert "jax" not in sys.modules
-            assert not [name for name in sys.modules if name.startswith("ropeode.checking")]
-        """
-    )
-    # In a process of its own, found by its entry point alone.
-    result = pytester.runpytest_subprocess()
-    result.assert_outcomes(passed=1)
-    assert "jax" in sys.modules  # here it is, so that the test above can fail
-    result = pytester.runpytest("--markers")
-    result.stdout.fnmatch_lines(["@pytest.mark.ropeode(*"])
-
-
 # The example of docs/howto/ci.md, run as a service runs it.
 DOCS = Path(__file__).parents[2] / "docs"
 FENCE = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)

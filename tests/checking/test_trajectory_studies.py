@@ -7,7 +7,6 @@ import pytest
 from trajectory_writing import write_runs
 
 from ropeode import accuracy_table, node_paths
-from ropeode.analysis import ROUND_OFF
 from ropeode.checking import (
     trajectory_energy_curves,
     trajectory_error_curves,
@@ -95,25 +94,6 @@ def test_they_are_drawn(kind, known, files):
     words = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
     words += [axes.get_title(loc="left") for axes in figure.axes]
     assert any("16.csv, 32.npz, 64.nc" in each for each in words)
-
-
-@pytest.mark.parametrize(
-    ("damping", "steps", "how", "verdict"),
-    [
-        # With 5 digits, half a unit of the last one is 0.005: more than any error here.
-        (0.01, STEPS, {"digits": "%.5g"}, "undetermined"),
-        (0.01, STEPS, {"velocities": False}, "converges"),
-        # That of another damping, from the same start.
-        (0.5, STEPS, {}, "does not converge"),
-        (0.01, STEPS[:1], {}, "undetermined"),
-    ],
-)
-def test_orders_of_files(known, tmp_path, damping, steps, how, verdict):
-    problem = Rope(num_nodes=4, damping=damping).problem(FRAMES)
-    made = write_runs(tmp_path, problem, STEPPER, steps, ".csv", **how)
-    (each,) = trajectory_errors(made, known).orders
-    assert each.order.verdict == verdict
-    assert all(point.reason == ROUND_OFF for point in each.order.left_out) or "digits" not in how
 
 
 def test_bad_input(known, tmp_path, files):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 import re
 from pathlib import Path
@@ -31,15 +30,6 @@ def shipped():
 def default_asks():
     shown = room.DEFAULT_PROBLEM, room.DEFAULT_STEPPERS, room.DEFAULT_LADDER
     return room.asks_of(room.Laboratory(), *shown)
-
-
-def test_the_worker_prepares_what_the_next_press_of_the_key_asks(shipped):
-    asked = [ask for ask, _, _ in shipped]
-    most = max(each.steps_per_frame for each in asked if isinstance(each, AskRun))
-    truth, *runs = itertools.islice(room.asks_ahead(), 4)
-    assert truth in asked
-    next_press = {"kind": "run", "problem": room.DEFAULT_PROBLEM, "steps_per_frame": 2 * most}
-    assert runs == [AskRun(stepper=each, **next_press) for each in room.DEFAULT_STEPPERS]
 
 
 def test_it_answers_what_the_page_asks_first(shipped, ask):
@@ -87,18 +77,6 @@ def test_it_loads_nothing_and_its_certificate_can_be_read_without_a_script(recor
     (truth,) = (header for ask, header, _ in answers if ask.kind == "truth")
     shown = tags.partition('<div id="certificate">')[2].partition("</div>")[0]
     assert shown.count("<li>") == len(truth["certificate"]) > 0
-
-
-def test_it_asks_for_every_order_that_the_keys_can_reach():
-    questions = list(room.asks_of(room.Laboratory(), ROPE, ("rk4",), (16,)))
-    assert len({each.model_dump_json() for each in questions}) == len(questions)
-    # From 16, up to two presses of - and five of =, in any order.
-    reached = {
-        tuple(2**k for k in range(low, high + 1)) for low in (2, 3, 4) for high in range(4, 10)
-    }
-    assert {each.steps_per_frame for each in questions if each.kind == "order"} == reached
-    runs = [each.steps_per_frame for each in questions if each.kind == "run"]
-    assert runs == [4, 8, 16, 32, 64, 128, 256, 512]
 
 
 def test_what_is_shown_first():

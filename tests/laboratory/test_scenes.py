@@ -21,12 +21,6 @@ def problem_of(choice):
     return rope_of(choice.name, choice.parameters).problem(choice.frames)
 
 
-def test_there_are_eight_lessons_and_every_figure():
-    names = [scene.name for scene in scenes()]
-    assert len(set(names)) == len(names) == 8 + 41
-    assert sorted(verdicts()) == list(range(1, 42))
-
-
 @pytest.mark.parametrize("scene", scenes(), ids=lambda scene: scene.name)
 def test_a_scene_can_be_shown(scene):
     for words in (scene.title, scene.text):

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import itertools
-import queue
-import threading
 
 import psutil
 import pytest
 
-from ropeode.laboratory import Limits, WatchedFile, checked_header, open_browser
+from ropeode.laboratory import Limits, WatchedFile, checked_header
 from tests.laboratory.serving import SOON_S, do, running
 from tests.time_limit import HANGS_AFTER_S
 
@@ -114,18 +112,6 @@ async def test_what_takes_too_much_memory_is_refused():
         assert "needed more than 400 MiB of memory" in refused["message"]
 
 
-def test_what_is_no_message_of_a_worker_is_refused():
-    headers = [
-        *(b"[]", b"{}", b'{"kind":"order","key":"1","arrays":{}}'),
-        *(b'{"kind":"stopped","key":%s}' % each for each in (b'1,"arrays":{}', b'"1"')),
-        *(b'{"kind":"stopped","key":"1","arrays":{"x":%s}}' % x for x in (b"[0,[9]]", b"[-1,[1]]")),
-    ]
-    written = [len(each).to_bytes(4, "little") + each for each in headers]
-    for contents in (b"", b"{", b"\xff" * 9, *written):
-        with pytest.raises(ValueError, match="."):
-            checked_header(contents)
-
-
 @pytest.mark.slow
 async def test_memory_is_bounded():
     sizes = []
@@ -185,11 +171,13 @@ async def test_a_new_version_of_the_file_is_announced_and_one_that_ends_the_work
         assert len({first["v_label"], second["version"], fourth["version"]}) == 3
 
 
-def test_nobody_waits_for_the_browser(monkeypatch):
-    opened, ends = queue.Queue(), threading.Event()
-    monkeypatch.setattr(
-        "webbrowser.open", lambda address: ends.wait(HANGS_AFTER_S) and opened.put(address)
-    )
-    open_browser("http://127.0.0.1:8460/?token=t")
-    ends.set()
-    assert opened.get(timeout=HANGS_AFTER_S) == "http://127.0.0.1:8460/?token=t"
+def test_what_is_no_message_of_a_worker_is_refused():
+    headers = [
+        *(b"[]", b"{}", b'{"kind":"order","key":"1","arrays":{}}'),
+        *(b'{"kind":"stopped","key":%s}' % each for each in (b'1,"arrays":{}', b'"1"')),
+        *(b'{"kind":"stopped","key":"1","arrays":{"x":%s}}' % x for x in (b"[0,[9]]", b"[-1,[1]]")),
+    ]
+    written = [len(each).to_bytes(4, "little") + each for each in headers]
+    for contents in (b"", b"{", b"\xff" * 9, *written):
+        with pytest.raises(ValueError, match="."):
+            checked_header(contents)

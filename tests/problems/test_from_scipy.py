@@ -9,8 +9,6 @@ import os
 import pickle
 import random
 import sys
-import threading
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import jax
@@ -19,7 +17,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from ropeode import Ensemble, Problem, Rope, callbacks, error_series, reference, simulate
+from ropeode import Ensemble, Problem, Rope, error_series, reference, simulate
 from ropeode.errors import InputError, UserCodeError
 from ropeode.precision import in_float64
 from ropeode.problems import PROBLEMS
@@ -373,33 +371,6 @@ def test_an_exception_on_the_way_comes_out_as_it_is():
         simulate(ends_with(KeyboardInterrupt()), "rk4", 16)
     # What was raised once is over.
     assert simulate(IN_PYTHON, "rk4", 8).status == "ok"
-
-
-def test_all_that_runs_while_an_exception_is_kept_raises_it_once():
-    """A program does not know for whom it calls."""
-    kept, other, begun = LookupError("a"), threading.Event(), threading.Event()
-
-    @callbacks.raised_again()
-    def beside():
-        begun.set()
-        other.wait(10)
-
-    @callbacks.raised_again()
-    def program():
-        callbacks.keep(beside, kept)
-        # What comes of the first says less.
-        callbacks.keep(beside, ValueError("of not-a-number"))
-
-    with ThreadPoolExecutor(1) as pool:
-        running = pool.submit(beside)
-        begun.wait(10)
-        # In one block within another.
-        with callbacks.raised_again(), pytest.raises(LookupError) as caught:
-            program()
-        other.set()
-        assert caught.value is running.exception() is kept
-    with callbacks.raised_again():
-        pass
 
 
 def test_a_program_that_computes_something_else_is_not_used():

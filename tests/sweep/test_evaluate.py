@@ -157,16 +157,6 @@ def test_a_reference_is_made_once_and_again_where_it_is_damaged(small, folder, t
         assert path.read_bytes() == whole
 
 
-def test_a_huge_sweep_keeps_no_references(small, tmp_path):
-    spec, rows = small
-    (task,) = spec.tasks()
-    one = with_settings(task._replace(cases=task.cases[:1]), keep_references=False)
-    assert evaluate(one, tmp_path) == rows[:1]
-    assert not list(tmp_path.iterdir())
-    many = SweepSpec({**VALUES, "random": {**VALUES["random"], "count": 100_000}})
-    assert [next(each.cases()).settings.keep_references for each in (spec, many)] == [True, False]
-
-
 EXPLODING = """
 def step(acceleration, t, x, v, dt, args):
     return x * (1e300 if t > 1.1 else 1.0), v

@@ -14,7 +14,7 @@ import nbformat
 import pytest
 
 from tests.browser import LONGEST
-from tests.laboratory.browser.recorded_page import EXAMPLE, POINTS, STEPS, link, tab
+from tests.laboratory.browser.recorded_page import POINTS, STEPS, link, tab
 from tests.time_limit import HANGS_AFTER_S
 
 expect = pytest.importorskip("playwright.sync_api").expect
@@ -66,22 +66,6 @@ def test_what_is_not_recorded_is_computed(page, start_lab):
     group.locator("select").select_option("mode 0")
     expect(named).to_have_text(re.compile("mode 0, .* rad"))
     expect(paths).to_have_count(2)
-
-
-def test_a_stepper_of_ones_own_reloads_on_save(page, start_lab, tmp_path):
-    file = tmp_path / "steps.py"
-    right = EXAMPLE.read_text()
-    file.write_text(right)
-    page.goto(start_lab(f"{file}:velocity_verlet") + ROPE)
-    own, fault = page.locator("#own"), page.locator("#own .fault")
-    expect(own).to_contain_text("all checks passed")
-    file.write_text(right.replace("return x_new,", "return x_new x_new,"))
-    expect(fault).to_contain_text("Line 9:")
-    expect(page.locator(POINTS)).to_have_count(2)
-    # It falls too fast: the verdict changes with the file.
-    file.write_text(right.replace("dt / 2 * (a", "dt * (a"))
-    expect(fault).to_have_count(0)
-    expect(own).to_contain_text("a check failed")
 
 
 @contextlib.contextmanager

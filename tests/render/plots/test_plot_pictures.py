@@ -140,12 +140,6 @@ def test_what_is_computed_is_legible(kind):
     assert_legible(plot.draw(study))
 
 
-def test_no_window_and_no_global_figure():
-    """Both are pyplot's."""
-    sources = Path(ropeode.__file__).parent.rglob("*.py")
-    assert not [file for file in sources if "pyplot" in file.read_text()]
-
-
 def test_triangles_have_the_slopes_of_the_orders():
     (axes,) = ropeode.plot_convergence(studies.named("every-reason")).axes
     to_data = axes.transAxes + axes.transData.inverted()
