@@ -27,17 +27,10 @@ class Coefficient(NamedTuple):
         value: ``(functions, components)``.
         error: of the largest component of each, ``(functions,)``; infinite where the values show
             no limit.
-        rung: the coarsest rung of the ladder that the value rests on, ``(functions,)``.
     """
 
     value: np.ndarray
     error: np.ndarray
-    rung: np.ndarray
-
-    @property
-    def size(self) -> np.ndarray:
-        """The largest component of each, ``(functions,)``."""
-        return np.max(np.abs(self.value), axis=1, initial=0.0)
 
 
 def coefficient(
@@ -61,14 +54,12 @@ def coefficient(
             `power`, ``(functions,)``.
     """
     value = np.empty((len(values), values.shape[2]))
-    error, rung = np.empty(len(values)), np.empty(len(values), dtype=int)
+    error = np.empty(len(values))
     for known in np.unique(zeros):
         every = np.flatnonzero(zeros == known)
         for own in np.array_split(every, -(-len(every) // _AT_ONCE)):
-            value[own], error[own], rung[own] = _best(
-                values[own], noise[own], power - int(known), int(known)
-            )
-    return Coefficient(value, error, rung)
+            value[own], error[own] = _best(values[own], noise[own], power - int(known), int(known))
+    return Coefficient(value, error)
 
 
 def _best(values: np.ndarray, noise: np.ndarray, power: int, known: int) -> Coefficient:
@@ -86,7 +77,7 @@ def _best(values: np.ndarray, noise: np.ndarray, power: int, known: int) -> Coef
     spread = (noise / divided) @ np.abs(table.weights).T
     errors = np.where(unusable | ~table.judged, np.inf, _SAFETY * shift + spread)
     best, every = np.argmin(errors, axis=1), np.arange(len(values))
-    return Coefficient(limits[every, best], errors[every, best], table.first[best])
+    return Coefficient(limits[every, best], errors[every, best])
 
 
 class _Weights(NamedTuple):
@@ -96,13 +87,11 @@ class _Weights(NamedTuple):
         weights: ``(fits, RUNGS)``.
         others: of each fit, those that it is compared with, ``(comparisons, fits)``.
         judged: whether there are such, ``(fits,)``.
-        first: the coarsest rung of each, ``(fits,)``.
     """
 
     weights: np.ndarray
     others: np.ndarray
     judged: np.ndarray
-    first: np.ndarray
 
 
 @functools.cache
@@ -124,7 +113,4 @@ def _weights(power: int, rungs: int) -> _Weights:
         [place.get((first + shift, count - fewer), -1) for first, count in place]
         for shift, fewer in _COMPARED
     ]
-    judged = np.all(np.array(others) >= 0, axis=0)
-    return _Weights(
-        np.array(rows), np.array(others), judged, np.array([first for first, _ in place])
-    )
+    return _Weights(np.array(rows), np.array(others), np.all(np.array(others) >= 0, axis=0))

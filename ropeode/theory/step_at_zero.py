@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ropeode.theory.diagnosis import Diagnosis
-from ropeode.theory.expansion import Expansion
+from ropeode.theory.expansion import Expansion, Term
 from ropeode.theory.projection import projected
 
 # What may be left over, as a part of the state, and how close two numbers must be.
@@ -29,27 +29,9 @@ def diagnose_identity(expansions: Sequence[Expansion]) -> Diagnosis | None:
     if not any(np.any(change.known) for _, change in found):
         return _shortest_step(expansions)
     change = [each.value for _, each in found]
-    positions, velocities = (
-        [
-            (
-                float(np.max(each.error[half])),
-                (base[:, 0, node], base[:, 1, node], rates[:, 1, node]),
-                each.value[:, half, node],
-                *(args, node),
-            )
-            for (base, each), rates, args in zip(
-                found,
-                (each.slopes for each in expansions),
-                (each.problem.args for each in expansions),
-                strict=True,
-            )
-            for node in np.flatnonzero(args.free)
-        ]
-        for half in (0, 1)
-    )
     size = max(float(np.max(np.abs(each.y))) for each in expansions)
     evidence: dict = {"size": max(float(np.max(np.abs(each))) for each in change) / size}
-    of_x, of_v = _coefficients(positions), _coefficients(velocities)
+    of_x, of_v = (_coefficients(expansions, found, half) for half in (0, 1))
     if _puts_to_rest_lengths(expansions):
         return Diagnosis(
             "constraint",
@@ -70,7 +52,7 @@ def diagnose_identity(expansions: Sequence[Expansion]) -> Diagnosis | None:
         line = f"at dt = 0 the step changes the state by up to {evidence['size']:.2g} of its size"
         line += where
         return Diagnosis("identity", f"{line}, {_NO_LIMIT}", evidence, _UNCHANGED)
-    (xx, xv, xa), (vx, vv, va) = (np.array(each).T for each in (of_x, of_v))
+    (xx, xv, xa), (vx, vv, va) = of_x, of_v
     evidence |= {
         "positions": {"times_position": _mean(xx), "times_velocity": _mean(xv)},
         "velocities": {"times_position": _mean(vx), "times_velocity": _mean(vv)},
@@ -98,8 +80,11 @@ def diagnose_identity(expansions: Sequence[Expansion]) -> Diagnosis | None:
     if without_dt or _all(vv, -1.0) or _all(vv, 0.0):
         line = f"at dt = 0 {'; '.join(texts)}"
         return Diagnosis("identity", line, evidence, _UNCHANGED)
-    damping = np.array([args.damping[node] for *_, args, node in velocities])
-    masses = np.array([args.mass[node] for *_, args, node in velocities])
+    free = np.stack([each.problem.args.free > 0.0 for each in expansions])
+    damping, masses = (
+        np.stack([getattr(each.problem.args, name) for each in expansions])[free]
+        for name in ("damping", "mass")
+    )
     share = ""
     for words, rate in (("damping", damping), ("damping / mass", damping / masses)):
         # Of one rope alone a factor says nothing of what it depends on.
@@ -112,7 +97,9 @@ def diagnose_identity(expansions: Sequence[Expansion]) -> Diagnosis | None:
         f"each step multiplies velocities by {_factor(vv)}{share}, whatever dt is, {_NO_LIMIT}"
     )
     evidence["lost_per_step"] = -_mean(vv)
-    evidence["kept"] = _by_rope(1.0 + vv, velocities, expansions)
+    kept = np.ones(free.shape)
+    kept[free] = 1.0 + vv
+    evidence["kept"] = kept.tolist()
     line = f"at dt = 0 {'; '.join(texts)}"
     return Diagnosis("damping-per-step", line, evidence, _PER_TIME)
 
@@ -221,29 +208,30 @@ def _shortest_step(expansions: Sequence[Expansion]) -> Diagnosis | None:
     return Diagnosis("identity", line, {"size": change / size, "part": _SHORTEST})
 
 
-def _coefficients(nodes: list[tuple]) -> list[tuple[float, ...]] | None:
-    """By which parts of its position, velocity and acceleration each node changes.
+def _coefficients(
+    expansions: Sequence[Expansion], found: Sequence[tuple[np.ndarray, Term]], half: int
+) -> np.ndarray | None:
+    """By which parts of its position, velocity and acceleration each free node changes.
+
+    Arguments:
+        expansions: of the step.
+        found: the states of each at dt = 0, and how the step changes them.
+        half: 0 for the change of positions, 1 for that of velocities.
 
     Returns:
-        None if it changes by something else.
+        ``(3, free nodes of all ropes)``; None if one changes by something else.
     """
-    found = []
-    for error, fields, change, _, _ in nodes:
-        each = projected(change.ravel(), np.stack([field.ravel() for field in fields]))
-        least = _EXPLAINED * max(np.max(np.abs(change)), _EXPLAINED * np.max(np.abs(fields[1])))
-        if each.rest > max(least, _UNCERTAIN * error):
-            return None
-        found.append(tuple(map(float, each.coefficients)))
-    return found
-
-
-def _by_rope(values: np.ndarray, nodes: list[tuple], expansions: Sequence[Expansion]) -> list:
-    """Values of the free nodes of all ropes, as a row for each rope; 1 where a node is pinned."""
-    rows = np.ones((len(expansions), expansions[0].y.shape[2]))
-    ropes = {id(each.problem.args): i for i, each in enumerate(expansions)}
-    for value, (*_, args, node) in zip(values, nodes, strict=True):
-        rows[ropes[id(args)], node] = value
-    return rows.tolist()
+    parts = []
+    for each, (base, change) in zip(expansions, found, strict=True):
+        for node in np.flatnonzero(each.problem.args.free):
+            moved = change.value[:, half, node]
+            fields = [base[:, 0, node], base[:, 1, node], each.slopes[:, 1, node]]
+            own = projected(moved.ravel(), np.stack([field.ravel() for field in fields]))
+            least = _EXPLAINED * max(np.max(np.abs(moved)), _EXPLAINED * np.max(np.abs(fields[1])))
+            if own.rest > max(least, _UNCERTAIN * float(np.max(change.error[half]))):
+                return None
+            parts.append(own.coefficients)
+    return np.stack(parts, axis=1)
 
 
 def _all(values: np.ndarray, value: float) -> bool:
