@@ -31,8 +31,8 @@ _ROUNDINGS, _EIG_ROUNDINGS = 4.0, 16.0
 # How many roundings of the largest term a step may move by where it stands still.
 _STILL_ROUNDINGS = 64.0
 _MOST_CORRECTIONS = 20
-# Of a step size: how closely a limit is found, and how closely a predicted one is tried.
-_PRECISION, _CONFIRMED = 1e-6, 1e-3
+# Of a step size: how closely a limit is found.
+_PRECISION = 1e-6
 # Of a frame: a step with which nothing blows up while a stepper begins.
 _SHORT = 2.0**-10
 
@@ -184,39 +184,17 @@ class StableSteps:
 
 
 @in_float64
-def stable_steps_at_rest(
-    problem: Problem,
-    stepper: Any,
-    y: ArrayLike | None = None,
-    expected: StableSteps | None = None,
-) -> StableSteps:
+def stable_steps_at_rest(problem: Problem, stepper: Any, y: ArrayLike | None = None) -> StableSteps:
     """How short steps have to be for the equilibrium to be stable, by the stepper's own growth.
 
     Arguments:
         problem, stepper, y: as for `stability_limit`.
-        expected: a prediction, which is tried first; where it is true, little more is needed.
 
     Raises:
         InputError: the stepper cannot run on this problem, or there is no equilibrium.
     """
     linearised = _Linearised(problem, stepper, y)
-
-    def stable(steps: float) -> bool:
-        return linearised.growth(steps).stable
-
-    if expected is not None and _is_confirmed(stable, linearised.frame, expected):
-        return expected
-    return stable_steps(stable, linearised.frame)
-
-
-def _is_confirmed(stable: Callable[[float], bool], frame: float, expected: StableSteps) -> bool:
-    """Whether the number of steps is the same, and the step size to a thousandth."""
-    steps, dt = expected.steps_per_frame, expected.dt
-    if steps is None or not math.isfinite(dt):
-        return False
-    within = [steps, 2 * steps, 4 * steps, frame / (dt * (1.0 - _CONFIRMED))]
-    beyond = [frame / (dt * (1.0 + _CONFIRMED))] + ([steps - 1] if steps > 1 else [])
-    return all(map(stable, within)) and not any(map(stable, beyond))
+    return stable_steps(lambda steps: linearised.growth(steps).stable, linearised.frame)
 
 
 def stable_steps(

@@ -22,6 +22,7 @@ from ropeode.simulation import (
     CompiledAhead,
     Method,
     PythonStepper,
+    StepMap,
     on_stored_states,
     on_user_clock,
     one_at_a_time,
@@ -31,10 +32,8 @@ from ropeode.theory.step_samples import StepSamples, in_batches
 
 # Rows that a compiled program takes at once, and springs side by side in NumPy.
 _CHUNK, _TOGETHER = 1024, 256
-# Steps of a run that shows what a step does; and of one that shows whether a user's step, which may
-# begin as another method than it goes on as, does the same at each step; and how many of these it
-# may take to begin. Its matrix must give all samples that follow.
-_RUN, _LONG_RUN, BEGINNINGS = 3, 32, (1, 2, 4, 8, 16)
+# Steps of a run that shows what a step does.
+_RUN = 3
 # Of the largest entry: what is no zero, and by how much powers of a matrix may be others. An
 # implicit step solves its equations to a tolerance.
 _ZERO, _SAME = 1e-12, 1e-8
@@ -148,7 +147,7 @@ class LinearMethod:
         own = type(method.stepper)
         self._may_begin = own.init is not Stepper.init and not issubclass(own, BuiltIn)
         self._method = dataclasses.replace(method, stepper=method.stepper.on(None))
-        self._beginning = BEGINNINGS[0]
+        self._beginning = 1
         self.is_compiled = method.trial.compiled
 
     def settle(self, args: np.ndarray) -> bool:
@@ -159,22 +158,25 @@ class LinearMethod:
         Returns:
             Whether all steps of a run are one linear map of what is carried, after the first ones.
         """
-        samples = self.powers(args, _LONG_RUN if self._may_begin else _RUN)
+        if self._may_begin:
+            equation = self.equation.changed(args=self.kind(*args[0].tolist()))
+            every = np.ones(equation.y0.shape[-2:], dtype=bool)
+            begin = StepMap(equation, self._method).beginning(equation.y0, 1.0, every)
+            if begin is None:
+                return False
+            self._beginning = max(1, begin)
+        samples = self.powers(args)
         once = samples[:, 1]
         if not self.is_compiled and self.kind is Spring:
             with contextlib.suppress(Exception):
-                side_by_side = np.stack(
-                    [self._together(args, e) for e in np.eye(self.size)], axis=2
-                )
-                self.is_together = _same(side_by_side, once)
-        self.is_one_step = _same(samples[:, 0], np.broadcast_to(np.eye(self.size), once.shape))
+                side_by_side = [self._together(args, unit) for unit in np.eye(self.size)]
+                self.is_together = _same(np.stack(side_by_side, axis=2), once)
+        self.is_one_step = self._beginning == 1 and _same(samples[:, 0], np.eye(self.size)[None])
         self.is_one_step &= all(
-            _same(samples[:, k + 1], samples[:, k] @ once) for k in range(1, samples.shape[1] - 1)
+            _same(samples[:, k + 1], samples[:, k] @ once) for k in range(1, _RUN)
         )
         if self.is_one_step:
             return True
-        if self._may_begin and not self._goes_on(args, samples):
-            return False
         # Those numbers of what is carried that the state moves, and that move the state. Where
         # the two components go their own ways, what belongs to the first will do.
         real = args.copy()
@@ -182,21 +184,6 @@ class LinearMethod:
         self._kept = self._that_counts(args, slice(None))
         self._kept_if_real = self._that_counts(real, slice(None, None, 2))
         return True
-
-    def _goes_on(self, args: np.ndarray, samples: np.ndarray) -> bool:
-        """Find after how many steps the matrix of one gives all samples that follow."""
-        for self._beginning in BEGINNINGS:
-            start, step, state = self._memory(args)
-            if step.shape[1] != step.shape[2]:
-                # What is carried still grows.
-                continue
-            for sample in np.moveaxis(samples[:, self._beginning :], 1, 0):
-                if not _same(state @ start, sample):
-                    break
-                start = step @ start
-            else:
-                return True
-        return False
 
     def _that_counts(self, args: np.ndarray, numbers: slice) -> np.ndarray:
         """The indices of what is carried that some numbers of the state move and are moved by."""

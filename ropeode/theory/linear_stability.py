@@ -148,12 +148,11 @@ def _at_rest(
             return None, None
         if isinstance(function, StabilityFunction):
             predicted = spectral_limit(problem, function, modes)
-        expected = predicted.steps if predicted else None
-        measured = stable_steps_at_rest(problem, method, expected=expected)
+        measured = stable_steps_at_rest(problem, method)
     except InputError as error:
         notes.append(f"No growth about an equilibrium was measured: {error}")
         return predicted, None
-    if expected and expected.steps_per_frame is None and measured.steps_per_frame is not None:
+    if predicted and predicted.steps.steps_per_frame is None and measured.steps_per_frame:
         notes.append(
             "By its stability function the stepper grows at every step size; from "
             f"{measured.steps_per_frame} steps per frame on, rounding hides that in its own step."
