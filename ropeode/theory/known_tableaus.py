@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
@@ -101,20 +102,30 @@ IMPLICIT: dict[str, Tableau] = {
 }
 
 
+def _of_positions(velocities: Tableau, q: Sequence[Any], c: Sequence[Any]) -> NystromTableau:
+    """A method for forces of positions and time, which drifts until the time of each force.
+
+    Arguments:
+        velocities: p as its matrix, with the weights of the velocities.
+        q: the weights of the positions.
+        c: the times.
+    """
+    times = tuple(map(number, c))
+    return NystromTableau(
+        p=velocities.a, q=tuple(map(number, q)), a=None, b=velocities.b, c=times, d=times
+    )
+
+
 def _kicks_and_drifts(drifts: Sequence[Any], kicks: Sequence[Any]) -> NystromTableau:
     """Drifts ``x += d dt v`` and kicks ``v += k dt a(x)`` in turn, a drift first.
 
     The force is one of positions. Drifts may be 0.
     """
     x, v = tuple(map(number, drifts)), tuple(map(number, kicks))
-    stages = len(v)
-    times = tuple(sum(x[: i + 1], Fraction(0)) for i in range(stages))
-    p = tuple(
-        tuple(v[j] * (times[i] - times[j]) if j < i else Fraction(0) for j in range(stages))
-        for i in range(stages)
-    )
-    q = tuple(v[j] * (1 - times[j]) for j in range(stages))
-    return NystromTableau(p=p, q=q, a=None, b=v, c=times, d=times)
+    times = tuple(itertools.accumulate(x))[: len(v)]
+    p = [[v[j] * (times[i] - times[j]) for j in range(i)] for i in range(len(v))]
+    q = [k * (1 - time) for k, time in zip(v, times, strict=True)]
+    return _of_positions(Tableau.of(p, v), q, times)
 
 
 def _of_substeps(stepper: type[Splitting]) -> NystromTableau:
@@ -130,13 +141,8 @@ def _of_substeps(stepper: type[Splitting]) -> NystromTableau:
 SECOND_ORDER: dict[str, NystromTableau] = {
     "semi-implicit-euler": _kicks_and_drifts([0, 1], [1]),
     "semi-implicit Euler with the positions first": _kicks_and_drifts([1], [1]),
-    "the Taylor step x += dt v + dt^2/2 a, v += dt a": NystromTableau(
-        p=((Fraction(0),),),
-        q=(Fraction(1, 2),),
-        a=None,
-        b=(Fraction(1),),
-        c=(Fraction(0),),
-        d=(Fraction(0),),
+    "the Taylor step x += dt v + dt^2/2 a, v += dt a": _of_positions(
+        _method("0", "1"), ["1/2"], [0]
     ),
     "velocity-verlet": _kicks_and_drifts([0, 1], ["1/2", "1/2"]),
     "position Verlet (drift, kick, drift)": _kicks_and_drifts(["1/2", "1/2"], [1]),
@@ -147,13 +153,8 @@ SECOND_ORDER: dict[str, NystromTableau] = {
     "Forest and Ruth's method of order 4": _of_substeps(Yoshida4),
     "PEFRL (order 4)": _of_substeps(Pefrl),
     "Yoshida's method of order 6 (solution A)": _of_substeps(Yoshida6),
-    "Nystrom's method of order 4": NystromTableau(
-        p=_method("0 | 1/8 | 0 1/2", "0 0 0").a,
-        q=(Fraction(1, 6), Fraction(1, 3), Fraction(0)),
-        a=None,
-        b=(Fraction(1, 6), Fraction(2, 3), Fraction(1, 6)),
-        c=(Fraction(0), Fraction(1, 2), Fraction(1)),
-        d=(Fraction(0), Fraction(1, 2), Fraction(1)),
+    "Nystrom's method of order 4": _of_positions(
+        _method("0 | 1/8 | 0 1/2", "1/6 2/3 1/6"), ["1/6", "1/3", 0], [0, "1/2", 1]
     ),
 }
 
@@ -169,26 +170,24 @@ def _published() -> dict[str, Tableau]:
     import diffrax
     from scipy import integrate
 
-    of_scipy: list[tuple[str, Any]] = [
-        ("Dormand and Prince's method of order 5", integrate.RK45),
-        ("Dormand and Prince's method of order 8 (DOP853)", integrate.DOP853),
-    ]
-    of_diffrax: list[tuple[str, Any]] = [
-        ("Tsitouras' method of order 5", diffrax.Tsit5),
-        ("Prince and Dormand's method of order 8 (Dopri8)", diffrax.Dopri8),
-    ]
     found = {
-        name: (each.A[: each.n_stages, : each.n_stages], each.B, each.C[: each.n_stages])
-        for name, each in of_scipy
+        "Dormand and Prince's method of order 5": integrate.RK45,
+        "Dormand and Prince's method of order 8 (DOP853)": integrate.DOP853,
     }
-    for name, each in of_diffrax:
-        tableau = each.tableau
-        found[name] = ([[], *tableau.a_lower], tableau.b_sol, [0.0, *tableau.c])
-    return {name: _in_fractions(*each).reduced for name, each in found.items()}
+    made = {name: _in_fractions(each.A, each.B, each.C) for name, each in found.items()}
+    for name, solver in {
+        "Tsitouras' method of order 5": diffrax.Tsit5,
+        "Prince and Dormand's method of order 8 (Dopri8)": diffrax.Dopri8,
+    }.items():
+        own = solver.tableau
+        made[name] = _in_fractions([[], *own.a_lower], own.b_sol, [0.0, *own.c])
+    return made
 
 
 def _in_fractions(a: Any, b: Any, c: Any) -> Tableau:
-    def row(numbers: Any) -> Row:
-        return tuple(as_fraction(float(number)) for number in numbers)
+    """The method with these weights; SciPy has more stages for what it interpolates with."""
 
-    return Tableau.of([row(each) for each in a], row(b), row(c))
+    def row(numbers: Any) -> Row:
+        return tuple(as_fraction(float(number)) for number in numbers[: len(b)])
+
+    return Tableau.of([row(each) for each in a[: len(b)]], row(b), row(c)).reduced

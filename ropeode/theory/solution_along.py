@@ -7,9 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ropeode.problems import Problem
 from ropeode.progress import Progress, silent
 from ropeode.references import Reference
-from ropeode.theory.flow import Flow, Rates, largest, short_flow
+from ropeode.theory.flow import Flow, largest, short_flow
+from ropeode.theory.spectrum import derivatives_of_rhs
 from ropeode.theory.step_samples import rates_of
 
 # States at which a piece is looked at; pieces may be so many; states that are taken at once.
@@ -20,10 +22,8 @@ _FRACTIONS = np.arange(_PLACES + 1) / (2 * _PLACES)
 
 # A piece that is shorter than this part of the usual one stops at something that is not smooth.
 _ABRUPT = 1e-2
-# Differences that show the derivative of the right-hand side, beside the size of a state: one that
-# depends on how far is a root's. Iterations towards its fastest direction. Where a problem is
-# stiff, all of it decays so many times.
-_NUDGES, _ITERATIONS, _STIFF = (1e-7, 1e-5), 6, 300.0
+# Where a problem is stiff, its fastest mode decays so many times over the whole solution.
+_STIFF = 300.0
 # The disturbance of time, in units of its last place, that shows a jump, and how large that is.
 _DISTURBANCE, _JUMP = 64.0, 1e-6
 
@@ -120,7 +120,7 @@ def _followed(reference: Reference, progress: Progress) -> Along | str:
             needed = count + np.sum(np.maximum(1.0, 2.0 * left / length))
         if not needed < _MOST_PIECES:
             short = int(np.argmin(np.nan_to_num(length)))
-            if _is_stiff(own_rates, times, states):
+            if _is_stiff(reference.problem, times, states):
                 return "the solution is stiff: it is smooth over a small part of a frame only"
             usual = np.median(np.concatenate([length, *(each[2].length for each in found)]))
             if not length[short] > _ABRUPT * usual:
@@ -153,31 +153,13 @@ def _followed(reference: Reference, progress: Progress) -> Along | str:
     return Along(pieces, inner[np.argsort(every[inner])])
 
 
-def _is_stiff(rates: Rates, times: np.ndarray, states: np.ndarray) -> bool:
+def _is_stiff(problem: Problem, times: np.ndarray, states: np.ndarray) -> bool:
     """Whether something decays much faster than a frame is long, all along the solution."""
-    # The last state is followed no further.
-    t, y, frames = times[:-1], states[:-1], np.diff(times)
-    size = np.maximum(largest(y), float(np.max(np.abs(states))) * _NUDGES[0])
-    slopes, decay = rates(t, y), []
-    for nudge in _NUDGES:
-        h = _column(nudge * size, y)
-        v = np.random.default_rng(7).normal(size=y.shape)
-        with np.errstate(all="ignore"):
-            unit = v
-            for _ in range(_ITERATIONS):
-                unit = v / _column(np.sqrt(_product(v, v)), y)
-                v = (rates(t, y + h * unit) - slopes) / h
-            along = _product(unit, v)
-            # Of what turns, this is small.
-            decay.append(np.where(along < -0.5 * np.sqrt(_product(v, v)), -along, 0.0))
-    small, large = decay
-    steady = (small < 2.0 * large) & (large < 2.0 * small)
-    return float(np.sum((small * frames)[steady])) > _STIFF
-
-
-def _column(values: np.ndarray, like: np.ndarray) -> np.ndarray:
-    return values.reshape(-1, *(1,) * (like.ndim - 1))
-
-
-def _product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return np.sum((a * b).reshape(len(a), -1), axis=1)
+    with np.errstate(all="ignore"):
+        modes = derivatives_of_rhs(problem, times, states)
+    # At a corner, a slope may have no derivative.
+    modes = modes[np.all(np.isfinite(modes), axis=(1, 2))]
+    modes = np.linalg.eigvals(modes)
+    fastest = np.take_along_axis(modes, np.argmax(np.abs(modes), axis=1)[:, None], 1)[:, 0]
+    decay = np.where(-fastest.real > 0.5 * np.abs(fastest), -fastest.real, 0.0)
+    return bool(len(decay) and np.median(decay) * (times[-1] - times[0]) > _STIFF)
