@@ -137,7 +137,10 @@ def _kind(line: dict[str, Any]) -> str:
 
 
 # How words end that only say how far terms are off.
-_NUMBERS = re.compile(r"times what it should be|of its size|change at another rate|is off by")
+_NUMBERS = re.compile(
+    r"^(at dt = 0|its vector)(?!.*only where).*"
+    r"(times what it should be|of its size|change at another rate|is off by)"
+)
 
 
 def names(record: Record) -> str:

@@ -155,6 +155,17 @@ def _with_length(length: Callable[[np.ndarray], np.ndarray]) -> SpringLaw:
     return law
 
 
+def _of_size(size: Callable[[np.ndarray, float], np.ndarray]) -> SpringLaw:
+    """A force along each spring; its size over the stiffness, from length and rest length."""
+
+    def law(motion: Motion, spring: int, d: np.ndarray, w: np.ndarray) -> np.ndarray:
+        args, length = motion.args, _length(d)
+        with np.errstate(divide="ignore"):  # A rest length of 0.
+            return args.stiffness[spring] * size(length, args.rest_length[spring]) * d / length
+
+    return law
+
+
 def _components(d: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
     """Those along some axes, as far as there are such."""
     return d[:, [axis for axis in axes if axis < d.shape[1]]]
@@ -201,9 +212,22 @@ SPRING_LAWS: dict[str, tuple[SpringLaw, ...]] = {
     "a rest length whose direction is not divided by the length": (
         _with_length(lambda d: np.ones((len(d), 1))),
     ),
+    "a rest length whose direction is divided by the square of the length": (
+        _with_length(lambda d: _length(d) ** 2),
+    ),
     "a spring force whose direction is not divided by the length": (
         lambda motion, spring, d, w: _force(motion, spring, d, w) * _length(d),
     ),
+    **{
+        f"a spring force that grows with the {words}": (_of_size(size),)
+        for words, size in {
+            "square of the stretch": lambda length, rest: (length - rest) ** 2,
+            "square of the stretch over the rest length": lambda length, rest: (
+                (length / rest - 1.0) ** 2
+            ),
+            "squared length less the squared rest length": lambda length, rest: length**2 - rest**2,
+        }.items()
+    },
     "a spring force that is no linear function of the length": (
         lambda motion, spring, d, w: d * _length(d),
         lambda motion, spring, d, w: d * _length(d) ** 2,
@@ -276,6 +300,12 @@ NODE_LAWS: dict[str, tuple[NodeLaw, ...]] = {
     ),
     "a force across the velocity": tuple(_across(axis) for axis in range(3)),
     "an attraction of all other nodes that falls with the square of the distance": (_attraction,),
+    "drag that is proportional to the absolute value of each component of the velocity": (
+        lambda motion, node: np.abs(motion.v[:, node]),
+    ),
+    "drag that is proportional to each component of the velocity squared": (
+        lambda motion, node: motion.v[:, node] ** 2,
+    ),
     "friction that does not depend on the speed": (
         lambda motion, node: motion.v[:, node] / _length(motion.v[:, node]),
     ),

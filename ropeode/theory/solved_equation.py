@@ -33,6 +33,8 @@ _EXPLAINED = 1e-6
 # How far a coefficient may be off at least, and in units of what the error that is left over makes
 # of it at most.
 _SPREAD, _UNCERTAIN = 1e-9, 3.0
+# An explanation with coefficients that are less certain says nothing.
+_VAGUE = 1e-2
 # Of a number, what rounding its factors to float32 takes off at most.
 _FLOAT32 = 1e-6
 # A step this much shorter than the longest still moves by more than rounding, with dt^2 too.
@@ -59,7 +61,11 @@ _FORMS = (
         "",
     ),
     ("the driving force", "there is the driving force ", " is the one"),
+    ("the spring force", "there is a spring force that ", ""),
+    ("the damping", "there is drag that ", ""),
 )
+# How such a form ends whose size is that of the term that is left out.
+_SAME_SIZE = (" (coefficient 1)", f" (coefficient -1{_DAMPING})")
 _SINE = "the driving force with a sine in place of the cosine"
 _OF_ZERO = "the driving force is the one of t = 0"
 # The numbers of a rope by which a term is changed; all that accelerate it, for the acceleration.
@@ -404,6 +410,9 @@ def _explanation(nodes: Sequence[_Node], size: float, laws: tuple[str, ...]) -> 
             return None
         worst = max(worst, found.rest)
         spreads = np.maximum(_SPREAD, _UNCERTAIN * found.spread)
+        if np.max(spreads) > _VAGUE:
+            # Terms that look alike can make up anything.
+            return None
         factors += [
             Factor(term.kind, term.place, float(value) + (term.kind not in laws), float(spread))
             for term, value, spread in zip(terms, found.coefficients, spreads, strict=True)
@@ -501,9 +510,9 @@ def _merged(faults: list[Fault]) -> list[Fault]:
     words = [fault.words for fault in faults]
     for subject, start, verb in _FORMS:
         gone = f"{subject} is left out"
-        back = [each for each in words if each.startswith(start) and each.endswith("ient 1)")]
+        back = [each for each in words if each.startswith(start) and each.endswith(_SAME_SIZE)]
         if gone in words and back:
-            text = back[0].removeprefix(start).removesuffix(" (coefficient 1)")
+            text = back[0].removeprefix(start).partition(" (coefficient")[0]
             remedy = faults[words.index(gone)].remedy
             rest = [fault for fault in faults if fault.words not in (gone, back[0])]
             return [Fault(f"{subject}{verb} {text}", remedy=remedy), *rest]
@@ -553,9 +562,14 @@ def _only_where(expansions: Sequence[Expansion], least: float) -> str:
     for each, node in _free_nodes(expansions):
         off.append(np.max(np.abs(each.rate(0).value[:, 1, node]), axis=1) > least)
         x, v = each.y[:, 0, node], each.y[:, 1, node]
+        a = each.slopes[:, 1, node]
+        force = each.problem.args.mass[node] * a
         own = {
             **{f"the node's {axis}": x[:, i] for i, axis in enumerate("xyz"[: x.shape[1]])},
             "the node's speed": np.linalg.norm(v, axis=1),
+            "the force on the node": np.linalg.norm(force, axis=1),
+            "a component of the force on the node": np.max(np.abs(force), axis=1),
+            "a component of the node's acceleration": np.max(np.abs(a), axis=1),
             "t": each.t,
         }
         for name, values in own.items():

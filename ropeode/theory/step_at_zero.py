@@ -9,6 +9,7 @@ import numpy as np
 from ropeode.theory.diagnosis import Diagnosis
 from ropeode.theory.expansion import Expansion, Term
 from ropeode.theory.projection import projected
+from ropeode.theory.terms import TERMS
 
 # What may be left over, as a part of the state, and how close two numbers must be.
 _EXPLAINED, _CLOSE = 1e-6, 1e-6
@@ -19,7 +20,6 @@ _SOME = 3
 # The shortest step, as a part of the longest, and by how much of its size it may move a state.
 _SHORTEST, _MOVES = 2.0**-14, 2e-3
 _UNCHANGED = "x_new = x + dt * (...), v_new = v + dt * (...): both must be as they were if dt is 0"
-_PER_TIME = "v *= exp(-damping * dt / mass), or put -damping * v / mass into the acceleration"
 _NO_LIMIT = "so the runs have no limit as dt goes to 0"
 
 
@@ -101,7 +101,7 @@ def diagnose_identity(expansions: Sequence[Expansion]) -> Diagnosis | None:
     kept[free] = 1.0 + vv
     evidence["kept"] = kept.tolist()
     line = f"at dt = 0 {'; '.join(texts)}"
-    return Diagnosis("damping-per-step", line, evidence, _PER_TIME)
+    return Diagnosis("damping-per-step", line, evidence, TERMS["kept"].remedy)
 
 
 def _shortest(expansion: Expansion) -> np.ndarray:

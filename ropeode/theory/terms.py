@@ -50,7 +50,7 @@ _SPRING = "a_spring = stiffness * (length - rest_length) * d / length / mass"
 _DAMPING = "a_damping = -damping * v / mass"
 _START = "v = the initial velocity at t = 0"
 _ENDS = "f[i] += pull; f[i + 1] -= pull"
-_NO_FACTOR = "multiply no velocity; a damping is a force"
+_NO_FACTOR = "leave it out, or scale it with dt: v *= exp(-rate * dt), or a damping force"
 _ZERO = "set the forces on all nodes to zero before each step"
 _ANY, _THERE = (1.0, -1.0, 0.5, 2.0), (1.0, 0.0)
 TERMS = {
@@ -192,6 +192,8 @@ _OF_AN_ACCELERATION = (
     Mistake("is an acceleration, and is multiplied by the mass", mass),
     Mistake("is an acceleration, and is divided by the mass", lambda place: 1.0 / mass(place)),
     Mistake("is multiplied by the mass twice", lambda place: mass(place) ** 2),
+    Mistake("is that of the whole rope's mass", lambda p: float(np.sum(p.args.mass)) / mass(p)),
+    Mistake("is that of the mean mass", lambda p: float(np.mean(p.args.mass)) / mass(p)),
 )
 # Those of the mass multiply all forces alike.
 MISTAKES: dict[str, tuple[Mistake, ...]] = {
@@ -202,6 +204,10 @@ MISTAKES: dict[str, tuple[Mistake, ...]] = {
         *_OF_A_FORCE,
         Mistake("is divided by the rest length", lambda place: 1.0 / _rest_length(place)),
         Mistake("is multiplied by the rest length", _rest_length),
+        Mistake(
+            "is multiplied by the rest length in place of the stiffness",
+            lambda p: _rest_length(p) / p.args.stiffness[p.element],
+        ),
         *_one_for_all("stiffness", "element", "has the stiffness of", "spring"),
         *_of_other_springs("stiffness", "has the stiffness of"),
         Mistake(

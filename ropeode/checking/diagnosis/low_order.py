@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -21,11 +22,19 @@ _EXPLAINED, _CLOSE = 1e-4, 1e-3
 # what the force's time, its own node's position, its neighbours' positions before and behind it in
 # the row, and the velocity change in it.
 _OF_X = ("force", "damping")
+_STAGES = (
+    "let each stage have a time, positions and velocities of its own, and take forces of these: "
+    "k2 = f(t + c * dt, y + c * dt * k1), with y = (x, v)"
+)
 _OF_V = ("time", "own position", "node before", "node behind", "velocity")
 
 
-def diagnose_order_1(expansions: Sequence[Expansion]) -> Diagnosis | None:
+def diagnose_order_1(expansions: Sequence[Expansion], expected: int) -> Diagnosis | None:
     """Which terms of dt^2 are off, by the coefficients that they have in place of 1/2.
+
+    Arguments:
+        expansions: of a step of order 1.
+        expected: the order that is claimed; the lines of a method of order 2 mend no higher one.
 
     Returns:
         None if they are off in no way that is known.
@@ -43,7 +52,10 @@ def diagnose_order_1(expansions: Sequence[Expansion]) -> Diagnosis | None:
             for name, value, field in zip(names, projection.coefficients, fields, strict=True)
             if np.any(field)
         }
-    return _in_words(found)
+    named = _in_words(found)
+    if named is None or expected <= 2 or named.cause == "in-place":
+        return named
+    return dataclasses.replace(named, remedy=_STAGES)
 
 
 def _in_words(found: dict[str, dict[str, float]]) -> Diagnosis | None:

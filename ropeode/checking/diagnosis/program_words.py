@@ -22,7 +22,7 @@ from ropeode.validation import listed
 _PRECISION = 1e-7
 # Factors that say what happened.
 _SIMPLE = (0.0, 0.5, 2.0, -1.0)
-_SCALE = "leave it out, or scale it with dt: v *= exp(-rate * dt), or a damping force"
+_SCALE = TERMS["kept"].remedy
 _PER_STEP = "{}, however long the step is, so that the runs have no limit as dt goes to 0"
 _ADDED = "are never set to zero: each step adds those of all steps before"
 # The cause and the words of changes that are the same for all steps; `{}` is the value. Others are

@@ -105,13 +105,14 @@ def diagnose_stepper(examination: Examination) -> tuple[Diagnosis, ...]:
     named = _at(found, start)
     if not named:
         order = _order(found)
-        low = diagnose_order_1(found) if order == 1 else None
+        low = diagnose_order_1(found, expected) if order == 1 else None
         if low is None or (expected <= 1 and low.cause != "in-place"):
             low = _order_alone(found, order, expected)
         named = (low,)
     if named[0].cause == "unknown":
         other = _other_method(examination)
         return (other,) if other else _elsewhere(examination, expected) or named
+    named = tuple(_with_stages(each, examination) for each in named)
     remedy, order = named[0].remedy, _order(found)
     if {cause.cause for cause in named} <= _OF_A_METHOD:
         named = tuple(_with_tableau(each, examination, expected) for each in named)
@@ -144,7 +145,11 @@ def _elsewhere(examination: Examination, expected: int) -> tuple[Diagnosis, ...]
             named = (_order_alone(found, order, expected),)
         if named:
             return tuple(
-                dataclasses.replace(each, line=f"{region.words}, and not otherwise: {each.line}")
+                dataclasses.replace(
+                    each,
+                    line=f"{region.words}, and not otherwise: {each.line}",
+                    remedy="let the same formula hold everywhere: look for a threshold or a limit",
+                )
                 for each in named
             )
     return ()
@@ -169,6 +174,19 @@ def _with_tableau(diagnosis: Diagnosis, examination: Examination, expected: int)
         line=line,
         evidence={**diagnosis.evidence, "method": words},
         remedy="; ".join(method.corrections) or diagnosis.remedy,
+    )
+
+
+def _with_stages(diagnosis: Diagnosis, examination: Examination) -> Diagnosis:
+    """A diagnosis that no combination of terms explains, with a state that is lost in a stage."""
+    if "difference" not in diagnosis.evidence:
+        return diagnosis
+    reason = tableau_of(examination.stepper, probe_ropes()[0]).reason
+    if not reason.startswith("multiplies"):
+        return diagnosis
+    line = f"the step {reason}. {diagnosis.line[0].upper()}{diagnosis.line[1:]}"
+    return dataclasses.replace(
+        diagnosis, line=line, remedy="let each stage begin with y + dt * ..."
     )
 
 
