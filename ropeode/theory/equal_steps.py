@@ -83,7 +83,7 @@ def equal_steppers(
     for other in known_steppers():
         if other.refusal(samples.problem) is not None or (other.keeps_lengths and not lengths):
             continue
-        if _is_implicit(other) and not (implicit and order(other)):
+        if other.family == "implicit" and not (implicit and order(other)):
             continue
         # Most are told apart by a few steps from one state.
         if _difference(samples, other, t[-1:], y[-1:], reach[-1:]).same:
@@ -99,10 +99,6 @@ def known_steppers() -> Iterator[BuiltIn]:
         for values in itertools.product(*choices.values()):
             chosen = (f"{key}={value}" for key, value in zip(choices, values, strict=True))
             yield registered_stepper(f"{name}:{','.join(chosen)}")
-
-
-def _is_implicit(stepper: Stepper) -> bool:
-    return stepper.family == "implicit"
 
 
 def _cases(at: Expansion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -133,7 +129,7 @@ def _difference(
 def _samples_of(problem: Problem, stepper: BuiltIn) -> StepSamples:
     """Its steps, one by one, unless they have loops of their own: compiling takes longer."""
     method = method_of(stepper, problem)
-    if not stepper.moves_links and not _is_implicit(stepper):
+    if not stepper.moves_links and stepper.family != "implicit":
         method = dataclasses.replace(method, trial=Trial(compiled=False))
     return StepSamples(problem, method)
 
@@ -153,11 +149,10 @@ def _first_steps(samples: StepSamples, t: np.ndarray, y: np.ndarray, dt: np.ndar
 def _size(problem: Problem, states: np.ndarray, dt: np.ndarray) -> np.ndarray:
     """What differences are small beside: states ``(states, sizes, steps + 1, *state)``."""
     finite = np.where(np.isfinite(states), np.abs(states), 0.0)
-    tiny = float(np.finfo(np.float64).tiny)
-    if problem.mechanics is None:
-        return np.full_like(states, np.max(finite) + tiny)
-    x, v = (float(np.max(finite[:, :, :, i])) + tiny for i in range(2))
-    size = np.full_like(states, x)
-    # A velocity may be a difference of positions.
-    size[:, :, :, 1] = np.maximum(v, x / dt).reshape(*dt.shape, *(1,) * (states.ndim - 3))
+    size = np.full_like(states, np.max(finite) + np.finfo(np.float64).tiny)
+    if problem.mechanics is not None:
+        x, v = (np.max(finite[:, :, :, i]) + np.finfo(np.float64).tiny for i in range(2))
+        size[:, :, :, 0] = x
+        # A velocity may be a difference of positions.
+        size[:, :, :, 1] = np.maximum(v, x / dt).reshape(*dt.shape, *(1,) * (states.ndim - 3))
     return size

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import numpy as np
@@ -114,16 +114,16 @@ def predicted_error(
     zeros = order + 1 if samples.carries_state else order
     later = SETTLED if local.one_step else SETTLED + _LATER
     one_step = local.one_step and not samples.may_begin
-    rates: dict[int, list[_Rates]] = {SETTLED: [], later: []}
+    rates: dict[int, list[np.ndarray]] = {SETTLED: [], later: []}
     for index, each in enumerate(along.pieces):
         progress("the local error", 0.6 + 0.4 * index / len(along.pieces))
         for settled, found in rates.items():
             found.append(_local_error(samples, each, order, zeros, settled, one_step))
     start = begin.start(order).value[0]
 
-    def propagated(settled: int, stride: int = 1, coarse: bool = False) -> np.ndarray:
+    def propagated(settled: int, stride: int = 1, ladder: int = -1) -> np.ndarray:
         progress("the error's equation", 1.0)
-        rate = np.concatenate([each.coarse if coarse else each.fine for each in rates[settled]])
+        rate = np.concatenate(rates[settled], axis=1)[ladder]
         each = along.t, along.y, rate[along.index]
         return _propagated(problem, times, start, *(values[::stride] for values in each))
 
@@ -138,8 +138,8 @@ def predicted_error(
     # Half of the states show what chance does to the rates, coarser ladders what each owes to its
     # longest steps.
     uncertain = changed(propagated(SETTLED, stride=2))
-    if any(each.coarse is not each.fine for each in rates[SETTLED]):
-        uncertain = max(uncertain, changed(propagated(SETTLED, coarse=True)))
+    if any(np.any(coarse != fine) for coarse, fine in rates[SETTLED]):
+        uncertain = max(uncertain, changed(propagated(SETTLED, ladder=0)))
     unsettled = 0.0 if local.one_step else changed(propagated(later))
     if _LEFT * unsettled > _MOST_UNCERTAIN:
         return f"what is carried settles slowly: {_LATER} steps more change it by {unsettled:.1%}"
@@ -168,37 +168,29 @@ def _lacks_order(what: str, local: Expansion) -> str | None:
     return None
 
 
-class _Rates(NamedTuple):
-    """The rates at which the error grows by itself, ``(states, *state)``.
-
-    Fields:
-        fine: from the finest ladder of step sizes that was needed.
-        coarse: from the one before it; the same if the first was fine enough.
-    """
-
-    fine: np.ndarray
-    coarse: np.ndarray
-
-
 def _local_error(
     samples: StepSamples, pieces: Pieces, order: int, zeros: int, settled: int, one_step: bool
-) -> _Rates:
+) -> np.ndarray:
+    """The rates at which the error grows by itself, ``(2, states, *state)``.
+
+    Those from the finest ladder of step sizes that was needed come last, before them those from the
+    ladder before; the same if the first was fine enough.
+    """
     own = pieces.t, pieces.y, pieces.reach, pieces.increments
-    fine = coarse = None
+    found: list[np.ndarray] = []
     for rungs in _RUNGS:
         local = Expansion(samples, *own, rungs, zeros, settled, one_step)
         rate = local.rate(order)
+        found.append(rate.value)
         if not local.one_step:
             # Of many short steps, rounding limits the rates.
             moved = derivative_of_rhs(samples.problem)(pieces.t, pieces.y, local.start(order).value)
-            fine = coarse = rate.value - moved
+            found = [rate.value - moved]
             break
-        coarse, fine = fine, rate.value
-        change = rate.error if coarse is None else fine - coarse
-        if np.max(np.abs(change)) <= _OPEN * np.max(np.abs(fine)):
+        change = rate.error if len(found) == 1 else found[-1] - found[-2]
+        if np.max(np.abs(change)) <= _OPEN * np.max(np.abs(rate.value)):
             break
-    assert fine is not None
-    return _Rates(fine, fine if coarse is None else coarse)
+    return np.stack([found[-2:][0], found[-1]])
 
 
 def _propagated(

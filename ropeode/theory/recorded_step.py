@@ -35,6 +35,24 @@ class NotReadable(Exception):
     """A step is no method of the kind that is tried; says why, after "it"."""
 
 
+class Kind(NamedTuple):
+    """What a step may be a method for.
+
+    Fields:
+        start: a state as the stepper sees it, ``(2, nodes, dim)`` for a mechanical one.
+        free: which positions can move, ``(nodes, dim)``; of another state, which numbers can.
+        args: what its functions are handed last.
+        mechanical: whether it sees positions and velocities.
+        second_order: whether positions and velocities may have their own coefficients.
+    """
+
+    start: np.ndarray
+    free: np.ndarray
+    args: Any
+    mechanical: bool
+    second_order: bool
+
+
 class Recording(NamedTuple):
     """What a run of a few steps asked for, and its result.
 
@@ -57,30 +75,17 @@ class RecordedStep:
 
     Arguments:
         stepper: whose steps are watched.
-        start: a state as the stepper sees it, ``(2, nodes, dim)`` for a mechanical one.
-        free: which positions can move, ``(nodes, dim)``; of another state, which numbers can.
-        mechanical: whether the stepper is to see positions and velocities.
-        args: what its functions are handed last.
+        kind: of its state.
         in_jax: whether JAX compiles the step, which then calls back for each slope; else it runs
-            in Python.
-        traces: whether parts of a step that runs in Python may be compiled, each time anew.
+            in Python, where parts of it are compiled only if it never is as a whole.
     """
 
-    def __init__(
-        self,
-        stepper: Stepper,
-        start: np.ndarray,
-        free: np.ndarray,
-        *,
-        mechanical: bool,
-        args: Any,
-        in_jax: bool,
-        traces: bool,
-    ):
-        self.shape = (2 if mechanical else 1, int(np.sum(free)))
-        self._mechanical, self._in_jax = mechanical, in_jax
-        self._free = np.broadcast_to(free, start.shape)
-        self._held = np.where(self._free, 0.0, start)
+    def __init__(self, stepper: Stepper, kind: Kind, in_jax: bool):
+        mechanical = self._mechanical = kind.mechanical
+        self.shape = (2 if mechanical else 1, int(np.sum(kind.free)))
+        self._in_jax = in_jax
+        self._free = np.broadcast_to(kind.free, kind.start.shape)
+        self._held = np.where(self._free, 0.0, kind.start)
         self._slope: Slope = lambda i, t, y: np.zeros_like(y)
         self._most_calls = 0
         self._times: list[float] = []
@@ -90,7 +95,7 @@ class RecordedStep:
         def slope(t: Any, y: Any, args: Any) -> Any:
             if in_jax:
                 return written(t, y, args)
-            if isinstance(y, Tracer) and not traces:
+            if isinstance(y, Tracer) and stepper.compiled is not False:
                 raise TypeError("JAX compiles a part of the step")
             return written.in_numpy(t, y, args)
 
@@ -104,7 +109,7 @@ class RecordedStep:
             return slope(t, _stacked(x, v), ())[1]
 
         system = System(
-            Equations(rhs, acceleration, args),
+            Equations(rhs, acceleration, kind.args),
             mechanical,
             # Steppers that treat damping on their own have none to treat.
             damping=LinearDamping(0.0, 0.0) if mechanical else None,

@@ -19,7 +19,7 @@ from ropeode.simulation import as_seen
 from ropeode.steppers import BuiltIn, Stepper, as_stepper
 from ropeode.tableaus import NystromTableau, Tableau
 from ropeode.theory.reading import ExplicitReading, Iterates, NotASum, read_implicit
-from ropeode.theory.recorded_step import NotReadable, RecordedStep, TooManyCalls
+from ropeode.theory.recorded_step import Kind, NotReadable, RecordedStep, TooManyCalls
 from ropeode.validation import shortly
 
 # The state of a step that is not tried on a problem: numbers, and nodes in space.
@@ -86,32 +86,15 @@ def tableau_of(stepper: Any, problem: Problem | None = None) -> StepTableau:
     return StepTableau(None, reasons[0])
 
 
-class _Kind(NamedTuple):
-    """What a step may be a method for.
-
-    Fields:
-        start: a state as the stepper sees it.
-        free: which positions can move, or which numbers of another state.
-        args: what its functions are handed last.
-        mechanical: whether it sees positions and velocities.
-        second_order: whether positions and velocities may have their own coefficients.
-    """
-
-    start: np.ndarray
-    free: np.ndarray
-    args: Any
-    mechanical: bool
-    second_order: bool
-
-
-def _kinds(stepper: Stepper, problem: Problem | None) -> Iterator[_Kind]:
+def _kinds(stepper: Stepper, problem: Problem | None) -> Iterator[Kind]:
     any_ode = stepper.needs == "any ODE"
     if problem is None:
         if any_ode:
-            yield _plain(np.zeros(_NUMBERS), None)
+            yield Kind(np.zeros(_NUMBERS), np.ones(_NUMBERS, dtype=bool), None, False, False)
         start, free, args = np.zeros(_NODES), np.ones(_NODES[1:], dtype=bool), None
     elif problem.mechanics is None:
-        yield _plain(problem.y0, problem.args)
+        y0 = problem.y0
+        yield Kind(y0, np.ones(y0.shape, dtype=bool), problem.args, False, False)
         return
     else:
         turned = problem.mechanics.node_axis == 1
@@ -119,16 +102,11 @@ def _kinds(stepper: Stepper, problem: Problem | None) -> Iterator[_Kind]:
         free, args = free_coordinates(problem), problem.args
         free = free.T if turned else free
     if any_ode:
-        yield _Kind(start, free, args, True, False)
-    yield _Kind(start, free, args, True, True)
+        yield Kind(start, free, args, True, False)
+    yield Kind(start, free, args, True, True)
 
 
-def _plain(start: np.ndarray, args: Any) -> _Kind:
-    """A state that is no positions and velocities."""
-    return _Kind(start, np.ones(start.shape, dtype=bool), args, False, False)
-
-
-def _found(stepper: Stepper, kind: _Kind) -> Tableau | NystromTableau:
+def _found(stepper: Stepper, kind: Kind) -> Tableau | NystromTableau:
     """Read the tableau and try it: in Python where that will do, which is faster, else in JAX."""
     ways = [False, True]
     if stepper.compiled is False:
@@ -137,23 +115,14 @@ def _found(stepper: Stepper, kind: _Kind) -> Tableau | NystromTableau:
         ways = [True]
     errors: list[UserCodeError] = []
     for in_jax in ways:
-        step = RecordedStep(
-            stepper,
-            kind.start,
-            kind.free,
-            mechanical=kind.mechanical,
-            args=kind.args,
-            in_jax=in_jax,
-            traces=stepper.compiled is False,
-        )
         try:
-            return _read(step, kind)
+            return _read(RecordedStep(stepper, kind, in_jax), kind)
         except UserCodeError as error:
             errors.append(error)
     raise errors[0]
 
 
-def _read(step: RecordedStep, kind: _Kind) -> Tableau | NystromTableau:
+def _read(step: RecordedStep, kind: Kind) -> Tableau | NystromTableau:
     try:
         reading = ExplicitReading(step, kind.second_order)
         reading.check()
