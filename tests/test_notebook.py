@@ -18,30 +18,16 @@ pytest.importorskip("heyoka", reason="heyoka is an extra")
 
 NOTEBOOK = Path(__file__).parents[1] / "docs/howto/notebook.ipynb"
 MOST_SECONDS = 300
-# A quick machine, and programs that are compiled already, would show none.
-SOON = "import ropeode.bars; ropeode.bars.AFTER_S = 0.05"
-
-
-class Client(NotebookClient):
-    """One that keeps bars, which are not there any more in the end."""
-
-    bars: tuple[str, ...] = ()
-
-    def process_message(self, msg, cell, cell_index):
-        if msg["msg_type"] in ("display_data", "update_display_data"):
-            self.bars += (msg["content"]["data"]["text/html"],)
-        return super().process_message(msg, cell, cell_index)
 
 
 @pytest.fixture(scope="module")
 def client(tmp_path_factory):
     """The notebook, executed."""
     notebook = nbformat.read(NOTEBOOK, as_version=4)
-    notebook.cells.insert(0, nbformat.v4.new_code_cell(SOON))
     # The kernel is this interpreter, whatever is registered on the machine.
     environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
     where = {"metadata": {"path": str(tmp_path_factory.mktemp("notebook"))}}
-    client = Client(notebook, timeout=MOST_SECONDS, kernel_name="python3", resources=where)
+    client = NotebookClient(notebook, timeout=MOST_SECONDS, kernel_name="python3", resources=where)
     client.execute(env=environment)
     return client
 
@@ -50,7 +36,7 @@ def outputs(client, *kinds):
     """Each output of these types, and the last line of its cell."""
     return [
         (cell.source.splitlines()[-1], output)
-        for cell in client.nb.cells[1:]
+        for cell in client.nb.cells
         if cell.cell_type == "code"
         for output in cell.outputs
         if output.output_type in kinds
@@ -79,18 +65,6 @@ def test_every_result_shows_itself(client):
     # Classes exist once they are imported.
     assert all(getattr(ropeode, name) for name in ropeode.__all__)
     assert shown == {each.__name__ for each in kinds()} | {"Film"}
-
-
-@pytest.mark.slow
-def test_bars_come_and_go(client):
-    drawn = [page for page in client.bars if page]
-    assert len(drawn) > 10
-    assert all(page.startswith("<progress ") for page in drawn)
-    # The reference is the first work that takes long.
-    assert any("reference: diffrax" in page for page in drawn[:2])
-    left = [output.data for _, output in outputs(client, "display_data")]
-    assert left
-    assert all(data == {"text/plain": "", "text/html": ""} for data in left)
 
 
 @pytest.mark.slow

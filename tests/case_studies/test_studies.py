@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 
-from docs.studies.growth import growth_scan
 from docs.studies.projection_sweeps import sweep_study
 from docs.studies.rest_time import rest_times
 from docs.studies.small_steps import (
@@ -53,12 +52,6 @@ def test_frames_to_rest(rope):
     per_time = rest_times(rope, "lagged", steps, per_step=2e-4)
     assert np.ptp([each.settled_at for each in per_time]) <= 4
     assert {each.rate for each in per_time} == {2e-4 * 256}
-
-
-def test_growth_is_what_linear_theory_predicts():
-    rope = Rope(num_nodes=4, stiffness=37.0, node_mass=1.3, damping=0.05)
-    for each in growth_scan(rope, ["explicit-euler", "semi-implicit-euler"], (4, 16)):
-        assert each.measured == pytest.approx(each.predicted, rel=0.03)
 
 
 # Of the size that other tests have too, so that its programs are compiled once.

@@ -102,12 +102,6 @@ def test_a_wrong_claim_about_a_solver_is_seen():
     assert not is_higher(finding, 2)
 
 
-@pytest.mark.slow
-def test_what_a_root_finder_leaves_over_breaks_no_symmetry():
-    report = check_stepper("diffrax:ImplicitEuler", only=["translation", "rotation", "time-shift"])
-    assert report.passed, report.failed
-
-
 def states_of(solver, steps, problem="uneven"):
     return simulate(convergence_problems()[problem], solver, steps).states
 

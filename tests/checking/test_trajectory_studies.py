@@ -15,7 +15,7 @@ from ropeode.checking import (
 )
 from ropeode.errors import InputError
 from ropeode.problems import Rope
-from ropeode.render import PLOTS, film
+from ropeode.render import film
 from ropeode.simulation import simulate
 from ropeode.study import energy_curves, error_curves, sampled_finer
 
@@ -86,14 +86,6 @@ def test_a_film_shows_the_samples_between_frames(tmp_path):
     errors = direct.paths[0].errors
     assert nodes.paths[0].errors == pytest.approx(errors, abs=float(nodes.resolution[-1]))
     assert np.max(errors) > 100 * nodes.resolution[-1]
-
-
-@pytest.mark.parametrize("kind", PLOTS)
-def test_they_are_drawn(kind, known, files):
-    figure = PLOTS[kind].draw(PLOTS[kind].of_trajectories(files, known, None, norm=None))
-    words = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
-    words += [axes.get_title(loc="left") for axes in figure.axes]
-    assert any("16.csv, 32.npz, 64.nc" in each for each in words)
 
 
 def test_bad_input(known, tmp_path, files):

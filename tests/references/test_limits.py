@@ -180,17 +180,6 @@ def test_a_bound_larger_than_the_motion_is_told():
     assert remarks(reference(scalar("decay", 0.0, TS))) == ()
 
 
-@pytest.mark.slow
-def test_twenty_thousand_frames():
-    problem = Problem(
-        lambda t, y, args: jnp.stack([y[1], -y[0]]), [1.0, 0.0], 0.1 * np.arange(20_001)
-    )
-    known = reference(problem)
-    assert known.horizon is None
-    assert known.certificate.seconds < 10.0
-    assert_covered(known, np.stack([np.cos(problem.ts), -np.sin(problem.ts)], axis=1))
-
-
 SMALLEST_LARGE = 301
 
 

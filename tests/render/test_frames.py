@@ -110,9 +110,3 @@ def test_bare_states_and_what_scipy_returns_have_errors(truth, run):
 def test_bare_states_that_cannot_be_used(states, times, field, truth, run):
     with pytest.raises(InputError, match=f"^{field}: "):
         error_series(run if states is None else states, truth, times=times)
-
-
-def test_pandas_is_asked_for(monkeypatch, truth):
-    monkeypatch.setitem(__import__("sys").modules, "pandas", None)
-    with pytest.raises(InputError, match="pip install"):
-        truth.to_dataframe()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import inspect
 import textwrap
 import tomllib
@@ -35,6 +36,7 @@ class Mutant:
     make: Callable[[], Any]
 
 
+@functools.cache
 def source_of(original: Callable) -> str:
     """Its source text, with that of the forces it computes itself."""
     parts = [original]

@@ -63,9 +63,3 @@ def test_marks_that_would_hide_one_another_stand_side_by_side(axes):
     assert moved[2] < gap / 2
     point = moved_right(axes, 36.0).transform((0.1, 0.1)) - axes.transData.transform((0.1, 0.1))
     assert point == pytest.approx([axes.figure.dpi / 2, 0])
-
-
-def test_single_points_take_no_turns(axes):
-    """As of the errors of a single frame."""
-    lines = [axes.plot([0.1], [height])[0] for height in (1e-2, 1e-2, 1e-3)]
-    assert not take_turns(lines)
