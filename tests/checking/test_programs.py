@@ -55,6 +55,7 @@ MISTAKES = [
     ("moving", {"push": True}, "parameters", "the spring force has the wrong sign"),
     ("moving", {"one_sided": True}, "parameters", "the node behind them is left out"),
     ("moving", {"damping": 0.0}, "parameters", "the damping is left out"),
+    ("moving", {"gravity": 9.8, "damping": 0.0}, "parameters", "; and the damping is left out"),
     ("moving", {"damping": -1.0}, "parameters", "the damping has the wrong sign"),
     ("resting", {"dashpot": -0.3}, "parameters", "along each spring, of coefficient -0.3"),
     ("moving", {"drag_per_spring": 0.05}, "parameters", "two nodes, of coefficient 0.05"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -31,7 +31,7 @@ _DIFFERENCE = 1e-6
 _FIRST_DAMPING, _SMALLER, _AS_PROMISED, _LARGER, _MOST_ITERATIONS = 1e-2, 10.0, 0.7, 4.0, 30
 # A step this small beside the changes ends a fit; so does one that leaves most of a cost that is
 # large, according to the slopes.
-_SMALL_STEP, _MOST_OF_IT = 1e-9, 0.9
+_SMALL_STEP, _MOST_OF_IT = 1e-11, 0.9
 # The smallest factor of all forces that a positive mass explains.
 _SMALLEST = 0.01
 # The most groups of terms that are changed together; that of all forces and gravity is changed
@@ -236,17 +236,15 @@ class _Trial:
         return fit if fit.values().get("forces", 1.0) >= _SMALLEST else None
 
 
-class Fitting:
-    """Changes terms so that a rope moves like an observed limit.
+class _ExactMotion:
+    """The motion of ropes, as precise as the uncertainty of a limit makes sense.
 
     Arguments:
-        limit: what the runs of a program tend to.
+        limit: with which it is compared.
     """
 
     def __init__(self, limit: ObservedLimit):
-        self._problem, self._samples = limit.problem, len(limit.states) - 1
-        self._weights = 1.0 / limit.uncertainty[1:].reshape(self._samples, -1)
-        self._target = np.nan_to_num(limit.states[1:]).reshape(self._weights.shape)
+        self._problem = limit.problem
         # The motion in units of the uncertainty.
         size = max(
             size * float(np.max(1.0 / limit.problem.quantity(name, limit.uncertainty)))
@@ -254,6 +252,39 @@ class Fitting:
         )
         self._tolerance = float(np.clip(_PRECISION / size, FINEST, _COARSEST))
         self._steps = motion_to(limit.problem, right_terms(1), self._tolerance).steps
+
+    def __call__(self, terms: Terms, samples: int) -> np.ndarray:
+        return exact_motion(self._problem, terms, samples, self._steps)
+
+    def refine(self, terms: Terms) -> None:
+        """Take the smaller steps that changed ropes may need."""
+        steps = motion_to(self._problem, terms, self._tolerance).steps
+        self._steps = max(self._steps, steps)
+
+
+class Fitting:
+    """Changes terms so that a rope moves as it was observed to.
+
+    Arguments:
+        motion: of copies of the rope with given terms, at the first samples.
+        states: that are observed, ``(1 + samples, *numbers)``.
+        uncertainty: of each, of the same shape.
+    """
+
+    def __init__(
+        self,
+        motion: Callable[[Terms, int], np.ndarray],
+        states: np.ndarray,
+        uncertainty: np.ndarray,
+    ):
+        self._motion, self._samples = motion, len(states) - 1
+        self._weights = 1.0 / uncertainty[1:].reshape(self._samples, -1)
+        self._target = np.nan_to_num(states[1:]).reshape(self._weights.shape)
+
+    @classmethod
+    def to_limit(cls, limit: ObservedLimit) -> Fitting:
+        """To what the runs of a program tend to."""
+        return cls(_ExactMotion(limit), limit.states, limit.uncertainty)
 
     def _differences(
         self, sets: Sequence[tuple[tuple[Group, ...], np.ndarray]], samples: int
@@ -271,7 +302,7 @@ class Fitting:
             values = _values(groups, changes + moved)
             for name, value in zip(_names(groups), values.T, strict=True):
                 terms[name][end - count : end] = value
-        states = exact_motion(self._problem, terms, samples, self._steps)
+        states = self._motion(terms, samples)
         weights, target = self._weights[:samples], self._target[:samples]
         apart = weights * (states.reshape(len(states), samples, -1) - target)
         apart = np.where(weights > 0.0, apart, 0.0).reshape(len(states), -1)
@@ -298,30 +329,34 @@ class Fitting:
         """Fits to all samples, from those that are near."""
         if not fits:
             return []
-        # Changed ropes may need smaller steps than the right one.
-        terms = terms_with(min(fits, key=lambda fit: fit.misfit).values())
-        steps = motion_to(self._problem, terms, self._tolerance).steps
-        self._steps = max(self._steps, steps)
+        if isinstance(self._motion, _ExactMotion):
+            self._motion.refine(terms_with(min(fits, key=lambda fit: fit.misfit).values()))
         return self.fits([(fit.groups, fit.changes) for fit in fits], self._samples)
 
-    def explaining(self) -> Iterator[list[Fit]]:
-        """Sets of groups whose change explains the limit within its uncertainty, by their number.
+    def explaining(
+        self, groups: Sequence[Group], sizes: Iterable[int] = range(1, _MOST_GROUPS + 1)
+    ) -> Iterator[list[Fit]]:
+        """Sets of groups whose change explains what is observed, by their number.
 
         A fit begins with the first samples, where the motion depends on the terms almost linearly;
         those that come closest are fitted to all samples.
 
+        Arguments:
+            groups: that may be changed.
+            sizes: of the sets.
+
         Yields:
             All fits with one group, then those with two, and so on.
         """
-        every, first = groups_of(self._problem), max(self._samples // 3, 1)
+        first = max(self._samples // 3, 1)
         ((right, _),) = self._differences([((), np.zeros(0))], first)
         most = max(_NEARLY, _LEFT * float(np.max(np.abs(right))))
-        for size in range(1, _MOST_GROUPS + 1):
+        for size in sizes:
             sets = [
-                (groups, np.concatenate(start))
-                for groups in itertools.combinations(every, size)
-                if size == 1 or all(group.name != "all" for group in groups)
-                for start in itertools.product(*(_starts(group, size) for group in groups))
+                (some, np.concatenate(start))
+                for some in itertools.combinations(groups, size)
+                if size == 1 or all(group.name != "all" for group in some)
+                for start in itertools.product(*(_starts(group, size) for group in some))
             ]
             near = [fit for fit in self.fits(sets, first) if fit.misfit <= most]
             near = sorted(near, key=lambda fit: fit.misfit)[:_MOST_NEAR]

@@ -96,15 +96,18 @@ def diagnose_program(problem: Problem, runs: Runs, truth: np.ndarray) -> Diagnos
                 "expected": TERMS[name].expected,
                 "found": [*each.found.values()],
             }
-            for each in programs
+            for program in programs
+            for each in (program, program.also)
+            if each
             for name in (each.changed[:1] if each.mistake else each.changed)
         ],
         "dts": [*program.found],
         "frames": program.frames,
         "misfit": program.misfit,
     }
+    change = "these changes" if program.also else "this change"
     line = (
-        f"{words}. With this change, {program.method.name} reproduces the positions in the files "
+        f"{words}. With {change}, {program.method.name} reproduces the positions in the files "
         f"{same}"
     )
     return Diagnosis(cause, line, evidence, remedy)
@@ -146,7 +149,8 @@ def _said(program: Program, problem: Problem) -> tuple[str, str, str]:
         words = "a part of the force, such as the length of a spring, is in single precision"
         mistakes.append(("float32", words, "compute in double precision throughout"))
     if program.changed:
-        mistakes.append(_changed(program, problem))
+        changes = [program, program.also] if program.also else [program]
+        mistakes += [_changed(each, problem) for each in changes]
     causes, words, remedies = zip(*mistakes, strict=True)
     return causes[0], "; and ".join(words), "; ".join(remedies)
 

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ropeode.checking.diagnosis.fitted_terms import Fitting, Group
 from ropeode.checking.diagnosis.limits import Runs
 from ropeode.checking.diagnosis.methods import (
     METHODS,
@@ -54,6 +55,8 @@ _STILL = 1e-3
 # according to the derivative, the term is given up.
 _CHANGE, _FEWEST_CORRECTIONS, _MOST_CORRECTIONS, _SMALL_STEP = 1e-6, 3, 10, 1e-4
 _MOST_OF_IT = 0.9
+# A program that is so many motions away from the positions in a file grows without bound.
+_GROWN = 2.0
 # Where a change is the same for all step sizes, or proportional to a power of them; and how closely
 # counts of steps are whole.
 _ALIKE = 1e-4
@@ -83,6 +86,11 @@ CHANGES: tuple[tuple[str, ...], ...] = (
     # A velocity that is multiplied after the forces have changed it.
     ("kept", "all"),
 )
+# Of these any two may be changed at once.
+_IN_PAIRS = (
+    *("gravity", "spring", "rest", "first_ends", "second_ends", "damping", "further", "dashpot"),
+    *("per_spring", "forces", "kept"),
+)
 
 
 class Program(NamedTuple):
@@ -99,6 +107,7 @@ class Program(NamedTuple):
         extra: the first frame in which it makes a step too many, by step size.
         single: whether lengths in single precision explain the difference.
         mistake: a known one that changes these terms, in place of a number that was found.
+        also: the same with a second change.
     """
 
     method: Method
@@ -111,6 +120,7 @@ class Program(NamedTuple):
     extra: dict[float, int] = {}  # noqa: RUF012  (nobody changes it)
     single: bool = False
     mistake: KnownMistake | None = None
+    also: Program | None = None
 
     @property
     def is_right(self) -> bool:
@@ -172,7 +182,25 @@ class _Run:
         single: bool = False,
         shaken: float = 0.0,
     ) -> np.ndarray:
-        """Differences from the positions, as parts of the motion, ``(copies, numbers)``.
+        """Differences from the positions, as parts of the motion; arguments as for `motion`.
+
+        Returns:
+            ``(copies, numbers)``.
+        """
+        found = self.motion(method, terms, counts, single=single, shaken=shaken)
+        apart = (found - self.positions[1 : len(counts) + 1]) / self._motion
+        return np.nan_to_num(apart.reshape(len(found), -1), nan=np.inf)
+
+    def motion(
+        self,
+        method: Method,
+        terms: Terms,
+        counts: np.ndarray,
+        *,
+        single: bool = False,
+        shaken: float = 0.0,
+    ) -> np.ndarray:
+        """The positions that copies of a program compute, ``(copies, samples, dim, nodes)``.
 
         Arguments:
             method: of the program.
@@ -200,8 +228,17 @@ class _Run:
                 if method.restores == "after":
                     x = _restored(x, args)
             samples.append(x)
-        apart = (np.stack(samples, axis=1) - self.positions[1 : len(samples) + 1]) / self._motion
-        return np.nan_to_num(apart.reshape(len(x), -1), nan=np.inf)
+        return np.stack(samples, axis=1)
+
+    def fitting(self, method: Method) -> Fitting:
+        """Changes several terms at once so that a program computes the positions."""
+        counts = self.by_number()
+        uncertainty = np.full(self.positions.shape, self.same * self._motion)
+        return Fitting(
+            lambda terms, samples: self.motion(method, terms, counts[:samples]),
+            self.positions,
+            uncertainty,
+        )
 
     def fitted(self, method: Method, guesses: Sequence[_Guess], counts: np.ndarray) -> list[_Guess]:
         """The guesses with the values that give the first frame, as far as any does."""
@@ -334,6 +371,12 @@ def programs_of(problem: Problem, runs: Runs, truth: np.ndarray) -> tuple[Progra
     for terms in CHANGES:
         if kind == "springs" or not {*terms} & _OF_SPRINGS:
             changed += [_Guess(terms, start) for start in TERMS[terms[0]].starts]
+    groups = [
+        Group(name, (name,), 1.0)
+        for name in _IN_PAIRS
+        if (kind == "springs" or name not in _OF_SPRINGS)
+        and name != ("further" if np.any(problem.args.damping) else "damping")
+    ]
     methods = METHODS[kind]
     mistaken = MISTAKEN if kind == "springs" else ()
     searches: Sequence[tuple[tuple[Method, ...], Callable[[Method], list[Program]]]] = (
@@ -343,6 +386,7 @@ def programs_of(problem: Problem, runs: Runs, truth: np.ndarray) -> tuple[Progra
         (methods, lambda method: _programs(method, mistakes, known, _Run.by_number)),
         (methods, lambda method: _programs(method, changed, longer, _Run.by_number)),
         (methods, lambda method: _in_single(method, longer)),
+        (methods, lambda method: _with_two_changes(method, groups, longer)),
     )
     with np.errstate(all="ignore"):  # Programs that blow up.
         for of, search in searches:
@@ -465,6 +509,43 @@ def _followed(
             return None
         values[run.dt] = agreeing[0][0].value
     return values
+
+
+def _with_two_changes(
+    method: Method, groups: Sequence[Group], runs: Sequence[_Run]
+) -> list[Program]:
+    """The programs of a method with two terms changed by the same numbers in all runs."""
+    if not runs:
+        return []
+    right = _terms([_RIGHT], np.full(1, math.nan))
+    # Where the right program grows without bound, no step leads from it to another one.
+    runs = sorted(
+        runs, key=lambda run: np.max(np.abs(run.misfits(method, right, run.by_number()))) > _GROWN
+    )
+    (first,), found = runs[0].fitting(method).explaining(groups, (2,)), []
+    for fit in first:
+        fits = [fit]
+        for run in runs[1:]:
+            fits += run.fitting(method).refined(fits[-1:])
+        values = np.array([[*each.values().values()] for each in fits])
+        off = np.max(np.abs(values - values[0]), axis=0)
+        if (
+            len(fits) == len(runs)
+            and all(each.explains for each in fits)
+            and np.all(off <= _ALIKE * np.maximum(np.abs(values[0]), _ALIKE))
+        ):
+            one, other = (
+                Program(
+                    method,
+                    group.terms,
+                    {run.dt: float(each[part]) for run, each in zip(runs, values, strict=True)},
+                    fit.misfit * runs[0].same,
+                    runs[0].frames,
+                )
+                for part, group in enumerate(fit.groups)
+            )
+            found.append(one._replace(also=other))
+    return found
 
 
 def _in_single(method: Method, runs: Sequence[_Run]) -> list[Program]:

@@ -27,6 +27,7 @@ from ropeode.checking.diagnosis.fitted_terms import (
     FINEST,
     Fit,
     Fitting,
+    groups_of,
     motion_to,
     terms_with,
 )
@@ -177,8 +178,8 @@ def _confirmed(
     uncertainty = limit.uncertainty.copy()
     uncertainty[-(frames // 3) :] = np.inf
     beginning = dataclasses.replace(limit, uncertainty=uncertainty)
-    fitting = Fitting(limit)
-    for first in Fitting(beginning).explaining():
+    fitting = Fitting.to_limit(limit)
+    for first in Fitting.to_limit(beginning).explaining(groups_of(limit.problem)):
         confirmed = []
         for fit in fitting.refined(first):
             before = next(each for each in first if each.groups == fit.groups)
