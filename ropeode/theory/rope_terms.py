@@ -115,6 +115,83 @@ def _length(d: np.ndarray) -> np.ndarray:
     return np.linalg.norm(d, axis=-1, keepdims=True)
 
 
+class Law(NamedTuple):
+    """Another law that people write for a term, with the same coefficient.
+
+    Fields:
+        kind: of the term.
+        words: what follows its name.
+        factor: by which it multiplies the right term: of the length and stretch of springs, or of
+            the velocity, whose second axis is that of components.
+    """
+
+    kind: str
+    words: str
+    factor: Callable[..., np.ndarray]
+
+
+def _speed(v: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.sum(v * v, axis=1, keepdims=True))
+
+
+def _rest(length: np.ndarray, stretch: np.ndarray) -> np.ndarray:
+    return np.maximum(length - stretch, np.finfo(float).tiny)
+
+
+LAWS = {
+    "undivided": Law(
+        "spring",
+        "is not divided by the length: its direction is no unit vector",
+        lambda length, stretch: length,
+    ),
+    "squared_stretch": Law(
+        "spring", "grows with the square of the stretch", lambda length, stretch: np.abs(stretch)
+    ),
+    "pulling_square": Law(
+        "spring",
+        "grows with the square of the stretch, and pulls where a spring is pressed",
+        lambda length, stretch: stretch,
+    ),
+    "squared_strain": Law(
+        "spring",
+        "grows with the square of the stretch over the rest length, and pulls where a spring is "
+        "pressed",
+        lambda length, stretch: stretch / _rest(length, stretch) ** 2,
+    ),
+    "squares": Law(
+        "spring",
+        "grows with the squared length less the squared rest length",
+        lambda length, stretch: length + _rest(length, stretch),
+    ),
+    "pulls_only": Law(
+        "spring",
+        "is left out where a spring is shorter than its rest length",
+        lambda length, stretch: np.where(stretch > 0.0, 1.0, 0.0),
+    ),
+    "squared_speed": Law("damping", "grows with the square of the speed", _speed),
+    "squared_components": Law(
+        "damping",
+        "grows with the square of each component of the velocity",
+        lambda v: np.abs(v),
+    ),
+    "unsigned": Law(
+        "damping",
+        "takes each component of the velocity without its sign",
+        lambda v: np.sign(v),
+    ),
+    "unsigned_square": Law(
+        "damping",
+        "takes the square of each component of the velocity, without its sign",
+        lambda v: v,
+    ),
+    "no_speed": Law(
+        "damping",
+        "does not depend on the speed",
+        lambda v: 1.0 / np.maximum(_speed(v), np.finfo(float).tiny),
+    ),
+}
+
+
 # What people write that is no term of a rope: for a node and one of its springs, the vector to the
 # other end and that end's relative velocity give a force; for a node alone its motion does.
 SpringLaw = Callable[[Motion, int, np.ndarray, np.ndarray], np.ndarray]
@@ -155,15 +232,13 @@ def _with_length(length: Callable[[np.ndarray], np.ndarray]) -> SpringLaw:
     return law
 
 
-def _of_size(size: Callable[[np.ndarray, float], np.ndarray]) -> SpringLaw:
-    """A force along each spring; its size over the stiffness, from length and rest length."""
+def _spring_law(law: Law) -> SpringLaw:
+    def force(motion: Motion, spring: int, d: np.ndarray, w: np.ndarray) -> np.ndarray:
+        length = _length(d)
+        stretch = length - motion.args.rest_length[spring]
+        return _force(motion, spring, d, w) * law.factor(length=length, stretch=stretch)
 
-    def law(motion: Motion, spring: int, d: np.ndarray, w: np.ndarray) -> np.ndarray:
-        args, length = motion.args, _length(d)
-        with np.errstate(divide="ignore"):  # A rest length of 0.
-            return args.stiffness[spring] * size(length, args.rest_length[spring]) * d / length
-
-    return law
+    return force
 
 
 def _components(d: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
@@ -188,6 +263,11 @@ def _axes(plane: str) -> tuple[int, int]:
 
 PLANES = ("x and y", "x and z", "y and z")
 SPRING_LAWS: dict[str, tuple[SpringLaw, ...]] = {
+    **{
+        f"a spring force that {law.words}": (_spring_law(law),)
+        for law in LAWS.values()
+        if law.kind == "spring"
+    },
     "a dashpot along each spring": (_dashpot,),
     "friction between neighbours": (lambda motion, spring, d, w: w,),
     "a pull proportional to the distance of neighbours": (lambda motion, spring, d, w: d,),
@@ -215,19 +295,6 @@ SPRING_LAWS: dict[str, tuple[SpringLaw, ...]] = {
     "a rest length whose direction is divided by the square of the length": (
         _with_length(lambda d: _length(d) ** 2),
     ),
-    "a spring force whose direction is not divided by the length": (
-        lambda motion, spring, d, w: _force(motion, spring, d, w) * _length(d),
-    ),
-    **{
-        f"a spring force that grows with the {words}": (_of_size(size),)
-        for words, size in {
-            "square of the stretch": lambda length, rest: (length - rest) ** 2,
-            "square of the stretch over the rest length": lambda length, rest: (
-                (length / rest - 1.0) ** 2
-            ),
-            "squared length less the squared rest length": lambda length, rest: length**2 - rest**2,
-        }.items()
-    },
     "a spring force that is no linear function of the length": (
         lambda motion, spring, d, w: d * _length(d),
         lambda motion, spring, d, w: d * _length(d) ** 2,
@@ -282,6 +349,13 @@ NOT_JOINED = "a force between nodes that no spring joins"
 CONSTANT = "a constant acceleration"
 NODE_LAWS: dict[str, tuple[NodeLaw, ...]] = {
     **{
+        f"drag that {law.words}": (
+            lambda motion, node, law=law: law.factor(v=motion.v[:, node]) * motion.v[:, node],
+        )
+        for law in LAWS.values()
+        if law.kind == "damping"
+    },
+    **{
         f"the driving force {words}": _drive(factor)
         for words, factor in {
             "of t = 0": lambda t, w: np.ones(len(t)),
@@ -292,23 +366,8 @@ NODE_LAWS: dict[str, tuple[NodeLaw, ...]] = {
             "with the frequency over 2 pi": lambda t, w: np.cos(w * t / (2.0 * np.pi)),
         }.items()
     },
-    "drag that grows with the square of the speed": (
-        lambda motion, node: _length(motion.v[:, node]) * motion.v[:, node],
-    ),
-    "drag that grows with the square of each component of the velocity": (
-        lambda motion, node: np.abs(motion.v[:, node]) * motion.v[:, node],
-    ),
     "a force across the velocity": tuple(_across(axis) for axis in range(3)),
     "an attraction of all other nodes that falls with the square of the distance": (_attraction,),
-    "drag that is proportional to the absolute value of each component of the velocity": (
-        lambda motion, node: np.abs(motion.v[:, node]),
-    ),
-    "drag that is proportional to each component of the velocity squared": (
-        lambda motion, node: motion.v[:, node] ** 2,
-    ),
-    "friction that does not depend on the speed": (
-        lambda motion, node: motion.v[:, node] / _length(motion.v[:, node]),
-    ),
     "a force along the position": (lambda motion, node: motion.x[:, node],),
     "a force proportional to the velocity": (lambda motion, node: motion.v[:, node],),
     NOT_JOINED: tuple(_to_node(other, power) for other in range(5) for power in (0, 1)),

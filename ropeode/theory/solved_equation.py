@@ -54,7 +54,6 @@ _OF_SPRINGS = ("a force of", "a spring force along")
 # Terms that come back in another form: the subject, how the other form begins, and the verb.
 _FORMS = (
     ("the rest length", "there is a rest length whose ", "'s"),
-    ("the spring force", "there is a spring force whose ", "'s"),
     (
         "the length in the spring force",
         "there is a length in the spring force that ",

@@ -96,7 +96,7 @@ def _of_all(by_kind: dict[str, list[Factor]]) -> Fault | None:
             inverse = forces[0]._replace(value=1.0 / forces[0].value)
             return Fault(f"the mass {_times(inverse)}", remedy=TERMS["mass"].remedy)
         if all(each.equals(forces[0].value) for each in accelerations):
-            return Fault(f"the acceleration {_times(forces[0])}")
+            return Fault(f"the acceleration {_times(forces[0])}", remedy=TERMS["all"].remedy)
     return _of_nodes(forces if right else every, right)
 
 
@@ -123,7 +123,7 @@ def _of_nodes(factors: list[Factor], right: bool) -> Fault | None:
         if right:
             inverse = wrong[0]._replace(value=1.0 / wrong[0].value)
             return Fault(f"the mass {_times(inverse)} {where}", remedy=TERMS["mass"].remedy)
-        return Fault(f"the acceleration {_times(wrong[0])} {where}")
+        return Fault(f"the acceleration {_times(wrong[0])} {where}", remedy=TERMS["all"].remedy)
     if not _of_several_ropes(factors):
         return None
     own = _own_numbers([(each.place.node, mass(each.place) / each.value) for each in firsts], wrong)

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ropeode.theory.rope_terms import TermPlace
+from ropeode.theory.rope_terms import LAWS, TermPlace
 
 
 class Term(NamedTuple):
@@ -63,7 +63,7 @@ TERMS = {
     # A mass divides all forces.
     "mass": Term("the mass", _ALL),
     "forces": Term("the sum of all forces but gravity", _ALL, starts=_ANY),
-    "all": Term("the acceleration", _ALL, starts=_ANY),
+    "all": Term("the acceleration", f"v_new = v + dt * a, with {_ALL}", starts=_ANY),
     "velocity": Term("the initial velocity", _START, starts=_THERE),
     "first_ends": Term("the pull of springs on the node before them", _ENDS, starts=_THERE),
     "second_ends": Term("the pull of springs on the node behind them", _ENDS, starts=_THERE),
@@ -234,53 +234,6 @@ MISTAKES: dict[str, tuple[Mistake, ...]] = {
         Mistake("is the mean of all nodes", lambda p: mass(p) / float(np.mean(p.args.mass))),
     ),
     "velocity": (),
-}
-
-
-class Law(NamedTuple):
-    """Another law that people write for a term, with the same coefficient.
-
-    Fields:
-        kind: of the term.
-        words: what follows its name.
-        factor: by which it multiplies the right term: of the length and stretch of springs, or of
-            the velocity ``(copies, dim, nodes)``.
-    """
-
-    kind: str
-    words: str
-    factor: Callable[..., np.ndarray]
-
-
-def _speed(v: np.ndarray) -> np.ndarray:
-    return np.sqrt(np.sum(v * v, axis=1, keepdims=True))
-
-
-LAWS = {
-    "undivided": Law(
-        "spring",
-        "is not divided by the length: its direction is no unit vector",
-        lambda length, stretch: length,
-    ),
-    "squared_stretch": Law(
-        "spring", "grows with the square of the stretch", lambda length, stretch: np.abs(stretch)
-    ),
-    "pulls_only": Law(
-        "spring",
-        "is left out where a spring is shorter than its rest length",
-        lambda length, stretch: np.where(stretch > 0.0, 1.0, 0.0),
-    ),
-    "squared_speed": Law("damping", "grows with the square of the speed", _speed),
-    "squared_components": Law(
-        "damping",
-        "grows with the square of each component of the velocity",
-        lambda v: np.abs(v),
-    ),
-    "no_speed": Law(
-        "damping",
-        "does not depend on the speed",
-        lambda v: 1.0 / np.maximum(_speed(v), np.finfo(float).tiny),
-    ),
 }
 
 

@@ -106,7 +106,7 @@ RARER = {
         lambda x, v, args: 0.01 * np.eye(5)[:, 3:4] * np.sin(7.0 * x)
     ),
     "the spring force is counted twice": with_args(stiffness=lambda a: 2 * a.stiffness),
-    "the spring force grows with the square of the stretch (": springs(
+    "the spring force grows with the square of the stretch, and pulls": springs(
         lambda length, args: args.stiffness * (length - args.rest_length) ** 2
     ),
     "the stiffness is (3, 5.5, 4.2, 2.6) at 0, 1, 2 and 3 on every rope": with_args(

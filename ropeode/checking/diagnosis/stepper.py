@@ -111,7 +111,8 @@ def diagnose_stepper(examination: Examination) -> tuple[Diagnosis, ...]:
         named = (low,)
     if named[0].cause == "unknown":
         other = _other_method(examination)
-        return (other,) if other else _elsewhere(examination, expected) or named
+        seen = min(each.seen for each in found) >= 1
+        return (other,) if other else (seen and _elsewhere(examination, expected)) or named
     named = tuple(_with_stages(each, examination) for each in named)
     remedy, order = named[0].remedy, _order(found)
     if {cause.cause for cause in named} <= _OF_A_METHOD:
@@ -267,6 +268,13 @@ def _order_alone(found: Sequence[Expansion], order: int | None, expected: int) -
     evidence = {"order": order, "expected": expected or None, "states": states}
     if order is None:
         seen = min(HIGHEST_ORDER, *(each.seen for each in found))
+        if seen < 1:
+            return Diagnosis(
+                "unknown",
+                f"at {states} random states what a step does follows no whole powers of dt: is "
+                "there another power, rounding, or a threshold of dt?",
+                evidence,
+            )
         return Diagnosis(
             "unknown",
             f"at {states} random states the step solves the right equation, with an order above "
