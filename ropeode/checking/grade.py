@@ -138,7 +138,8 @@ def grade(
     def program() -> Diagnosis | None:
         return _program(reference, runs)
 
-    order, notes = _order(reference, runs, claims, expected, other, program)
+    own_files = Files(files, own, dts)
+    order, notes = _order(reference, runs, own_files, claims, expected, other, program)
     findings = (
         Finding("initial-state", "pass", f"the first sample is the initial state {exactly(off)}"),
         order,
@@ -155,9 +156,8 @@ def grade(
         if wrong and late is None and mistake and _refutes(mistake, claims, expected):
             diagnosis = (mistake,)
         elif wrong:
-            found = Files(files, own, dts)
             causes = (expected, late, other, program, start)
-            diagnosis = _diagnosed(reference, known, found, order, *causes)
+            diagnosis = _diagnosed(reference, known, own_files, order, *causes)
         elif late is not None and _is_unintended(late, order):
             # No claim is refuted, but such a program is hardly intended.
             notes = (*notes, "; ".join(filter(None, (late.line, late.remedy))))
@@ -175,6 +175,7 @@ def grade(
 def _order(
     reference: Reference,
     runs: Sequence[Run],
+    files: Files,
     claims: Claims,
     expected: int | None,
     other: Callable[[], Diagnosis | None],
@@ -201,9 +202,9 @@ def _order(
         # Half a step may be the error of a method of order 1.
         if late is not None and late.cause != "sample-time":
             return Finding("order", "fail", f"no order; {late.line}", late.evidence), ()
-        columns = explain_columns(reference, known, coarse=False)
-        if columns is not None and not columns.like_another_problem:
-            return Finding("order", "fail", f"no order; {columns.words}"), ()
+        written = explain(reference, known, files, coarse=False)
+        if written is not None and not written.like_another_problem:
+            return Finding("order", "fail", f"no order; {written.words}"), ()
         if other() is not None:
             return Finding("order", "fail", "no order; the files fit another rope"), ()
     # Not above: it runs steppers, which takes longer than all the rest.

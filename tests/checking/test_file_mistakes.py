@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 import pytest
-from trajectory_writing import WRITERS, node_values, write_runs
+from trajectory_writing import WRITERS, node_values, write_npz, write_runs
 
 from ropeode import grade
 from ropeode.errors import InputError
@@ -169,6 +169,24 @@ def test_the_report_names_the_mistake_once(tmp_path, known, runs):
     assert found.endswith("Fix: let x point in the direction of the spec. So in 48.npz and 96.npz.")
     found = mistake(written(tmp_path, runs, MISTAKES["t counts steps"], ".csv"), known)
     assert re.search("24.csv, 48.csv, 96.csv: .*t counts steps; read so", found)
+
+
+def test_a_method_that_is_known_confirms_a_mistake_where_runs_are_too_coarse(tmp_path, known):
+    """Without an order: each row is that of the frame before."""
+    made = []
+    for n in (8, 12, 16):
+        values = node_values(known.problem, simulate(known.problem, "midpoint", n).states)
+        made.append(write_npz(tmp_path / f"{n}.npz", known.problem.ts, values[[0, 0, 1, 2]], 1 / n))
+    (diagnosis,) = grade(made, known, expected_order=2).diagnosis
+    assert diagnosis.line.startswith("each row is one frame early")
+    assert "read so, the positions and velocities are those of midpoint" in diagnosis.line
+
+
+def test_three_mistakes_at_once(tmp_path, known, runs):
+    three = numbers(lambda v, dt: 100.0 * (v * [1, -1, 1, -1])[..., [1, 0, 3, 2]])
+    found = mistake(written(tmp_path, runs, three), known)
+    for words in ("column x holds y", "points the other way", "numbers are 100 times", "order 2.0"):
+        assert words in found
 
 
 @pytest.mark.slow

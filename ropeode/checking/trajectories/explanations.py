@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -10,18 +11,22 @@ from typing import NamedTuple
 import numpy as np
 
 from ropeode.analysis import distances, moved, resolution
-from ropeode.checking.trajectories.arrangement import (
-    Arrangement,
-    Mistake,
-    arrangements,
-    mistakes_in,
-)
 from ropeode.checking.trajectories.clocks import Clock, Extent, extent_of, likely_clocks
 from ropeode.checking.trajectories.convergence import order_finding
 from ropeode.checking.trajectories.initial_states import begins_right, check_initial_states
-from ropeode.checking.trajectories.layout import Block
+from ropeode.checking.trajectories.known_methods import same_method
+from ropeode.checking.trajectories.layout import Block, samples_of
 from ropeode.checking.trajectories.run_files import Files, Run, finite, opened_files, read_runs
 from ropeode.checking.trajectories.time_errors import RUNS, explains
+from ropeode.checking.trajectories.transforms import (
+    Samples,
+    Transform,
+    Undo,
+    linear,
+    precision_of,
+    shifted,
+    transforms,
+)
 from ropeode.errors import InputError
 from ropeode.norms import NORMS
 from ropeode.problems import Problem
@@ -31,6 +36,16 @@ from ropeode.validation import complaint
 # Where the step sizes show no order, the errors of the finest run must be tiny, as a part of the
 # motion; or small, and at most this part of those of the coarsest.
 _VERY_SMALL, _SMALL, _FALLEN = 1e-3, 0.1, 0.5
+# Mistakes are tried together up to so many, from the readings that come closest with fewer; and
+# runs are looked at if at most this part of the variation of the numbers is left over.
+_MOST_MISTAKES, _MOST_READINGS, _LEFT_OVER = 3, 8, 0.5
+# Readings are tried whose first row is right to this part of the largest numbers.
+_FIRST = 1e-3
+# How far off a column is that points the other way, beside one that holds other numbers.
+_MIRRORED = 0.1
+# So many rows show which mistakes may be made.
+_ROWS = 32
+_ROUNDED = 1e-9
 _TINY = float(np.finfo(np.float64).tiny)
 
 
@@ -76,24 +91,27 @@ def explain_columns(
     """
     same_start = begins_right(runs, slice(0, runs[0].layout.dim))
 
-    def agreement(arrangement: Arrangement) -> str | None:
-        # A mirror through the initial positions is another problem rather than a mistake.
-        if same_start and arrangement.held[0].offset:
-            return None
-        undone = arrangement.undone_in(runs)
+    def agreement(undone: tuple[Run, ...]) -> str | None:
         if not _better(reference, undone, runs):
             return None
         return _agreement(reference, undone, coarse=coarse)
 
     states = reference.states[: reference.trusted]
-    found = _simplest(states, runs, agreement)
+    # A mirror through the initial positions is another problem rather than a mistake.
+    found = _simplest(states, runs, agreement, shifts=not same_start)
+    moves = found is not None and same_start and _moves_positions(found.runs[-1], runs[-1])
     if found is None and begins_right(runs, slice(None)):
         found = _simplest(states, runs, agreement, after=1)
     if found is None:
         return None
-    undone = found.arrangement.undone_in(runs)
-    moves = same_start and found.arrangement.moves_positions and not found.arrangement.after
-    return Explanation("columns", found.words, found.fix, found.evidence, undone, reference, moves)
+    every = (found.words, found.fix, found.evidence, found.runs, reference)
+    return Explanation("columns", *every, like_another_problem=moves)
+
+
+def _moves_positions(undone: Run, run: Run) -> bool:
+    """Whether positions are not where their columns say."""
+    dim = run.layout.dim
+    return not np.array_equal(undone.values[:, :, :dim], run.values[:, :, :dim])
 
 
 def explain_start(runs: Sequence[Run]) -> tuple[str, str] | None:
@@ -105,23 +123,87 @@ def explain_start(runs: Sequence[Run]) -> tuple[str, str] | None:
         The mistake, and how to mend it.
     """
 
-    def evidence(arrangement: Arrangement) -> str | None:
+    def evidence(undone: tuple[Run, ...]) -> str | None:
         try:
-            check_initial_states(arrangement.undone_in(runs))
+            check_initial_states(undone)
         except InputError:
             return None
         return ""
 
-    found = _simplest(runs[0].problem.y0[None], runs, evidence)
+    found = _simplest(runs[0].problem.y0[None], runs, evidence, shifts=True)
     if found is None:
         return None
     return f"in the first sample {found.words}", f"{found.fix}, in the initial state too"
 
 
-class _Found(NamedTuple):
-    """An arrangement with its mistakes, and what the files show if they are read so."""
+class _Reading(NamedTuple):
+    """Numbers of files, as they are once some mistakes are undone.
 
-    arrangement: Arrangement
+    Fields:
+        mistakes: in the order in which they are undone.
+        undo: all of them.
+        files: the rows of each run that they concern, so read.
+        left: how far they are from the right ones, whatever their unit and origin are.
+    """
+
+    mistakes: tuple[Transform, ...]
+    undo: Undo
+    files: tuple[np.ndarray, ...]
+    left: float
+
+    def after(self, one: Transform, samples: Samples) -> _Reading:
+        """With one more mistake undone."""
+        pairs = zip(self.files, samples.dts, strict=True)
+        files = tuple(one.undo(values, dt) for values, dt in pairs)
+
+        def undo(values: np.ndarray, dt: float) -> np.ndarray:
+            return one.undo(self.undo(values, dt), dt)
+
+        return _Reading((*self.mistakes, one), undo, files, _left(samples, files[-1]))
+
+    def runs(self, runs: Sequence[Run], after: int) -> tuple[Run, ...]:
+        """Runs as they should have been written; the rows before are right."""
+        return tuple(self._read(run, after) for run in runs)
+
+    def _read(self, run: Run, after: int) -> Run:
+        values, rounding = self.undo(run.values, run.dt).copy(), run.rounding
+        # No more digits than are in the file.
+        off = rounding @ np.max(np.abs(linear(self.undo, run, run.dt)), axis=1)
+        for column in np.flatnonzero(off):
+            decimals = math.floor(-math.log10(2.0 * off[column]) + _ROUNDED)
+            values[:, :, column] = np.round(values[:, :, column], decimals)
+        before = run.values[:after, :, : values.shape[2]]
+        return dataclasses.replace(run, values=np.concatenate([before, values[after:]]))
+
+
+def _left(samples: Samples, values: np.ndarray) -> float:
+    """How far numbers are from the right ones, as a part of them, in the best unit and origin."""
+    left, parts = 0.0, samples.run.parts_of
+    for k, (a, b) in enumerate(zip(parts(values), parts(samples.truth), strict=False)):
+        if k == 0:  # The origin of positions.
+            a, b = a - np.mean(a, axis=(0, 1)), b - np.mean(b, axis=(0, 1))
+        products, size = np.sum(a * b, axis=(0, 1)), max(np.sum(a * a), _TINY)
+        factor = np.sum(np.abs(products)) / max(np.sum(b * b), _TINY)
+        # A column that has the wrong sign alone is almost right.
+        rest = np.sum((a - factor * np.where(products < 0.0, -b, b)) ** 2)
+        wrong = np.sum(a * a, where=products < 0.0)
+        left += float((rest + _MIRRORED * wrong) / size)
+    return left
+
+
+def _is_near(samples: Samples, values: np.ndarray) -> bool:
+    """Whether little of the variation of the numbers is left over, and nothing in a first row."""
+    truth = samples.truth[:, :, : values.shape[2]]
+    way, off = values - np.mean(values, axis=(0, 1)), np.abs(values - truth)
+    if samples.begins and np.max(off[0]) > _FIRST * np.max(np.abs(truth)):
+        return False
+    return bool(np.sum(off**2) <= _LEFT_OVER**2 * np.sum(way**2))
+
+
+class _Found(NamedTuple):
+    """The runs as they should have been written, their mistakes, and what they show."""
+
+    runs: tuple[Run, ...]
     words: str
     fix: str
     evidence: str
@@ -130,40 +212,86 @@ class _Found(NamedTuple):
 def _simplest(
     states: np.ndarray,
     runs: Sequence[Run],
-    evidence: Callable[[Arrangement], str | None],
+    evidence: Callable[[tuple[Run, ...]], str | None],
     after: int = 0,
+    *,
+    shifts: bool = False,
 ) -> _Found | None:
-    """The arrangement with the fewest mistakes for which there is evidence."""
-    found: list[tuple[list[Mistake], Arrangement, str]] = []
+    """The fewest mistakes for which there is evidence if they are undone.
+
+    Arguments:
+        states: the right ones of the first rows.
+        runs: from coarse to fine.
+        evidence: what runs show, as part of a sentence; None if they show nothing.
+        after: the number of rows before, which are right.
+        shifts: whether the origin of positions may be another one.
+    """
+    rows = np.unique(np.linspace(after, len(states) - 1, _ROWS).astype(int))
+    truth = samples_of(runs[0].problem, states[rows])
+    precision = precision_of(runs[-1])
+    dts, as_written = [run.dt for run in runs], tuple(run.values[rows] for run in runs)
+
+    def samples(files: Sequence[np.ndarray]) -> Samples:
+        return Samples(runs[-1], dts, files, truth, not after, precision)
+
+    tried = [_Reading((), lambda values, dt: values, as_written, 0.0)]
     with np.errstate(all="ignore"):  # Runs that blew up have huge numbers.
-        tried = [(mistakes_in(each, runs[0]), each) for each in arrangements(states, runs, after)]
-        for mistakes, arrangement in sorted(tried, key=lambda pair: len(pair[0])):
-            if found and len(mistakes) > len(found[0][0]):
-                break
-            if (shown := evidence(arrangement)) is not None:
-                found.append((mistakes, arrangement, shown))
-    if not found:
-        return None
-    mistakes, arrangement, shown = found[0]
-    words = dict.fromkeys(" and ".join(each.words for each in several) for several, *_ in found)
-    fix = "; ".join(each.fix for each in mistakes)
-    text = "; or, which is the same here, ".join(words)
-    return _Found(arrangement, f"after the first row, {text}" if after else text, fix, shown)
+        for _ in range(_MOST_MISTAKES):
+            longer: list[_Reading] = []
+            for reading in tried:
+                now = samples(reading.files)
+                rows_of_table = list(transforms(now))
+                if shifts and (origin := shifted(now, reading.undo)):
+                    rows_of_table.append(origin)
+                longer += [reading.after(each, now) for each in rows_of_table]
+            longer = _different(longer, as_written[-1])
+            found = [
+                (reading, undone, shown)
+                for reading in longer
+                if _is_near(samples(reading.files), reading.files[-1])
+                and (shown := evidence(undone := reading.runs(runs, after))) is not None
+            ]
+            if found:
+                every = (" and ".join(one.words for one in each.mistakes) for each, *_ in found)
+                words = "; or, which is the same here, ".join(dict.fromkeys(every))
+                reading, undone, shown = found[0]
+                fix = "; ".join(one.fix for one in reading.mistakes)
+                text = f"after the first row, {words}" if after else words
+                return _Found(undone, text, fix, shown)
+            tried = sorted(longer, key=lambda reading: reading.left)[:_MOST_READINGS]
+    return None
 
 
-def explain(reference: Reference, runs: Sequence[Run], files: Files) -> Explanation | None:
+def _different(readings: Sequence[_Reading], as_written: np.ndarray) -> list[_Reading]:
+    """Those that read other numbers than the others and than the file: the first of each."""
+    found: dict[bytes, _Reading | None] = {as_written.tobytes(): None}
+    for reading in readings:
+        found.setdefault(reading.files[-1].tobytes(), reading)
+    return [reading for reading in found.values() if reading is not None]
+
+
+def explain(
+    reference: Reference, runs: Sequence[Run], files: Files, *, coarse: bool = True
+) -> Explanation | None:
     """A mistake in the columns of files, or else in their rows or times.
 
     Arguments:
         reference: of the problem.
         runs: from coarse to fine.
         files: of the runs.
+        coarse: whether runs without the mistake may be too coarse to show an order.
     """
-    return explain_columns(reference, runs) or explain_times(lambda: reference, files, runs)
+    return explain_columns(reference, runs, coarse=coarse) or explain_times(
+        lambda: reference, files, runs, coarse=coarse
+    )
 
 
 def explain_times(
-    certified: Callable[[], Reference], files: Files, as_written: Sequence[Run] | None = None
+    certified: Callable[[], Reference],
+    files: Files,
+    as_written: Sequence[Run] = (),
+    *,
+    coarse: bool = True,
 ) -> Explanation | None:
     """A mistake in the rows of files, or in their times, without which they agree with a reference.
 
@@ -171,19 +299,14 @@ def explain_times(
         certified: makes the reference, if files can be read at all.
         files: of one program.
         as_written: the runs, if the files can be read as they are.
+        coarse: whether runs without the mistake may be too coarse to show an order.
 
     Raises:
         ReferenceRefused: no reference can be certified.
     """
     for clock in likely_clocks(files.problem, _extents(files)):
-        found = _explained(clock, certified, files)
-        if found is not None and (
-            as_written is None
-            or (
-                len(found.runs) == len(as_written)
-                and _better(found.reference, found.runs, as_written)
-            )
-        ):
+        found = _explained(clock, certified, files, as_written, coarse)
+        if found is not None:
             return found
     return None
 
@@ -198,7 +321,11 @@ def _extents(files: Files) -> list[Extent]:
 
 
 def _explained(
-    clock: Clock, certified: Callable[[], Reference], files: Files
+    clock: Clock,
+    certified: Callable[[], Reference],
+    files: Files,
+    as_written: Sequence[Run],
+    coarse: bool,
 ) -> Explanation | None:
     """The explanation that files have other times, and maybe other columns, too."""
     paths, problem, dts, fewest = files
@@ -214,10 +341,19 @@ def _explained(
     if len(runs) < fewest:
         return None
     reference = certified() if clock.ends else _without_last(certified(), shown)
-    if (agreement := _agreement(reference, runs)) is not None:
-        return Explanation("times", clock.words, clock.fix, agreement, runs, reference)
-    columns = explain_columns(reference, runs) if clock.begins else None
-    if columns is None:
+
+    def is_better(runs: Sequence[Run]) -> bool:
+        if not as_written:
+            return True
+        same = [run.dt for run in runs] == [run.dt for run in as_written]
+        return same and _better(reference, runs, as_written)
+
+    if is_better(runs):
+        agreement = _agreement(reference, runs, coarse=coarse)
+        if agreement is not None:
+            return Explanation("times", clock.words, clock.fix, agreement, runs, reference)
+    columns = explain_columns(reference, runs, coarse=coarse) if clock.begins else None
+    if columns is None or not is_better(columns.runs):
         return None
     words, fix = f"{clock.words}, and {columns.words}", f"{clock.fix}; {columns.fix}"
     return dataclasses.replace(columns, cause="times", words=words, fix=fix)
@@ -248,6 +384,9 @@ def _agreement(reference: Reference, runs: Sequence[Run], *, coarse: bool = True
         return None
     finding, _ = order_finding(reference, runs, None)
     if finding.status == "undetermined":
+        same = same_method(reference, runs)
+        if same is not None and same.complete and min(same.orders) > 0:
+            return same.line
         return _closeness(reference, runs) if coarse else None
     return finding.line if finding.status == "pass" else None
 
