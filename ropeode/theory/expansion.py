@@ -422,23 +422,20 @@ def _is_one_step(
 
     That is tried after the first step, and after all but the last: it may begin as another method.
     """
-    rungs, stops = [0, dt.shape[1] // 2], [1, states.shape[2] - 2]
-    start, after = states[:, rungs, 0], np.stack([states[:, rungs, n + 1] for n in stops])
-    again = np.stack(
-        [
-            [
-                samples.after(t + n * dt[:, rung], states[:, rung, n], dt[:, rung : rung + 1], 1)[
-                    :, 0, 1
-                ]
-                for rung in rungs
-            ]
-            for n in stops
-        ]
-    ).swapaxes(1, 2)
+    rungs, stops = [0, dt.shape[1] // 2], np.array([1, states.shape[2] - 2])
+    states, dt = states[:, rungs], dt[:, rungs, None]
+    before, after = states[:, :, stops], states[:, :, stops + 1]
+    times, sizes = (
+        np.broadcast_to(each, before.shape[:3]).ravel()
+        for each in (t[:, None, None] + stops * dt, dt)
+    )
+    again = samples.after(times, before.reshape(-1, *y.shape[1:]), sizes[:, None], 1)
+    again = again[:, 0, 1].reshape(after.shape)
     # Velocities that are differences of positions have their rounding, divided by dt.
     size = _EPS * float(np.max(np.abs(y)))
-    close = _SAME * size + _DISTURBANCE * size / dt[:, rungs].reshape(-1, 2, *(1,) * (y.ndim - 1))
-    return bool(np.all(np.abs(start - y[:, None]) <= close) and np.all(abs(again - after) <= close))
+    close = _SAME * size + _DISTURBANCE * size / dt.reshape(-1, 2, *(1,) * y.ndim)
+    start = states[:, :, :1] - y[:, None, None]
+    return bool(np.all(np.abs(start) <= close) and np.all(np.abs(again - after) <= close))
 
 
 def _settles(samples: StepSamples, t: np.ndarray, dt: np.ndarray, states: np.ndarray) -> bool:
@@ -447,17 +444,18 @@ def _settles(samples: StepSamples, t: np.ndarray, dt: np.ndarray, states: np.nda
     So do steps whose velocities are differences of positions that are projected to constraints,
     where the projection is not exact: what it leaves, of the size dt^2, changes velocities by dt.
     """
-    apart = []
-    for rung in (0, dt.shape[1] // 2):
-        wrong = []
-        for n in range(2):
-            before, after = states[:, rung, n], states[:, rung, n + 1]
-            step = dt[:, rung].reshape(-1, *(1,) * (before.ndim - 1))
-            rates = samples.rates(t + n * dt[:, rung], before)
-            wrong.append((after - before) / step - rates)
-        size = np.max(np.abs(rates), initial=0.0)
-        apart.append(np.max(np.abs(wrong[1] - wrong[0]), initial=0.0) / (size or 1.0))
-    return bool(apart[1] > max(_SETTLING, apart[0] / 2.0))
+    rungs = [0, dt.shape[1] // 2]
+    states, dt = states[:, rungs], dt[:, rungs, None]
+    before, after = states[:, :, :2], states[:, :, 1:3]
+    times = (t[:, None, None] + np.arange(2) * dt).ravel()
+    rates = samples.rates(times, before.reshape(-1, *before.shape[3:])).reshape(before.shape)
+    wrong = (after - before) / dt.reshape(-1, 2, *(1,) * (before.ndim - 2)) - rates
+    apart, size = (
+        np.max(np.abs(np.moveaxis(each, 1, 0)).reshape(2, -1), axis=1, initial=0.0)
+        for each in (wrong[:, :, 1] - wrong[:, :, 0], rates[:, :, 1])
+    )
+    long, short = apart / np.where(size > 0.0, size, 1.0)
+    return bool(short > max(_SETTLING, long / 2.0))
 
 
 def _noise(
