@@ -8,12 +8,19 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple, Self
 
+import numpy as np
+
 Number = Fraction | float
 Row = tuple[Number, ...]
 Matrix = tuple[Row, ...]
 
 # Coefficients that are no fractions are equal up to their last digits.
 _SAME = 1e-12
+# As large as the denominators of published methods (Dormand and Prince have 18656). Of the numbers
+# that stand for no fraction, one in a hundred thousand is so close to one by accident.
+_LARGEST = 100_000
+# What is left of a coefficient when a step has multiplied and divided by it.
+_ROUNDING = 8 * np.finfo(np.float64).eps
 
 
 class Parts(NamedTuple):
@@ -132,6 +139,18 @@ def _merged(row: Row, first: Sequence[int]) -> Row:
 def number(value: Any) -> Number:
     """A coefficient: whole numbers, fractions and texts such as ``"1/6"`` are exact."""
     return Fraction(value) if isinstance(value, int | str | Fraction) else float(value)
+
+
+def as_fraction(value: float) -> Number:
+    """The fraction with a small denominator that a number is the rounding of; else the number.
+
+    Arguments:
+        value: a finite number; the nearest fraction must agree to the last bits.
+    """
+    fraction = Fraction(value).limit_denominator(_LARGEST)
+    if abs(float(fraction) - value) <= _ROUNDING * max(abs(value), 0.125):
+        return fraction
+    return value
 
 
 def same(one: Number, other: Number) -> bool:

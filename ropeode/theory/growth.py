@@ -184,23 +184,19 @@ class StableSteps:
 
 
 @in_float64
-def stable_steps_at_rest(problem: Problem, stepper: Any, y: ArrayLike | None = None) -> StableSteps:
+def stable_steps_at_rest(problem: Problem, stepper: Any) -> StableSteps:
     """How short steps have to be for the equilibrium to be stable, by the stepper's own growth.
 
-    Arguments:
-        problem, stepper, y: as for `stability_limit`.
-
-    Raises:
-        InputError: the stepper cannot run on this problem, or there is no equilibrium.
+    Arguments and exceptions are those of `stability_limit`.
     """
-    linearised = _Linearised(problem, stepper, y)
+    linearised = _Linearised(problem, stepper, None)
     return stable_steps(lambda steps: linearised.growth(steps).stable, linearised.frame)
 
 
 def stable_steps(
     stable: Callable[[float], bool], frame: float, most: int = MOST_STEPS_OF_GROWTH
 ) -> StableSteps:
-    """Both limits, as a number of steps per frame and as a step size.
+    """Both limits: as a number of steps per frame, and by bisection as a step size.
 
     Arguments:
         stable: whether it is, with so many steps per frame, which need be no whole number.
@@ -210,28 +206,15 @@ def stable_steps(
     steps = fewest_steps(stable, most)
     if steps is None:
         return StableSteps(None, 0.0)
-    return StableSteps(steps, longest_step(lambda dt: stable(frame / dt), frame / steps))
-
-
-def longest_step(stable: Callable[[float], bool], stable_dt: float) -> float:
-    """The end of an interval of step sizes at which a stepper is stable, by bisection.
-
-    Arguments:
-        stable: whether it is, at a step size.
-        stable_dt: a step size inside the interval.
-
-    Returns:
-        Infinite where even `MOST_STEPS` times this step size is stable.
-    """
-    low, high = stable_dt, 2.0 * stable_dt
-    while stable(high):
+    low, high = frame / steps, 2.0 * frame / steps
+    while stable(frame / high):
         low, high = high, 2.0 * high
-        if high > MOST_STEPS_OF_GROWTH * stable_dt:
-            return math.inf
+        if high > MOST_STEPS_OF_GROWTH * frame / steps:
+            return StableSteps(steps, math.inf)
     while high - low > _PRECISION * high:
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if stable(middle) else (low, middle)
-    return low
+        low, high = (middle, high) if stable(frame / middle) else (low, middle)
+    return StableSteps(steps, low)
 
 
 class _Linearised:

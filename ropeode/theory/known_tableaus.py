@@ -25,8 +25,7 @@ from ropeode.steppers import (
     Yoshida6,
 )
 from ropeode.tableaus import NystromTableau, Tableau
-from ropeode.tableaus.stages import Row, number
-from ropeode.theory.fractions_of_floats import as_fraction
+from ropeode.tableaus.stages import Row, as_fraction, number
 
 
 def _rows(text: str) -> list[list[str]]:

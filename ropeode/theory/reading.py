@@ -17,8 +17,7 @@ from __future__ import annotations
 import numpy as np
 
 from ropeode.tableaus import NystromTableau, Tableau
-from ropeode.tableaus.stages import Row
-from ropeode.theory.fractions_of_floats import as_fraction
+from ropeode.tableaus.stages import Row, as_fraction
 from ropeode.theory.recorded_step import NotReadable, RecordedStep, Recording, TooManyCalls
 
 # A method of more stages than these is none that anybody has published.
