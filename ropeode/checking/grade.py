@@ -256,7 +256,7 @@ def _pins_finding(reference: Reference, runs: Sequence[Run]) -> Finding:
     problem, dim = reference.problem, runs[0].layout.dim
     free = getattr(problem.args, "free", None)
     if free is None or np.all(free):
-        return Finding("pins", "skip", "no node is pinned")
+        return Finding("pins", "skip", "nothing is pinned")
     pinned = np.flatnonzero(np.asarray(free) == 0.0)
     worst, line = 0.0, ""
     for run in runs:

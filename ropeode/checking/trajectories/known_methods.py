@@ -226,9 +226,13 @@ def _agreeing(reference: Reference, run: Run, made: Run | None) -> _Agreement:
         norm = NORMS[f"{name}-max"]
         way, errors = moved(reference, norm), distances(run.states, reference, norm)
         # Where a run blows up, rounding grows as well.
-        sizes = np.maximum(way, np.maximum.accumulate(errors))
+        known = np.maximum.accumulate(errors)
+        sizes = np.maximum(way, known)
         parts = np.max(part, axis=(1, 2))[: len(sizes)] / sizes
-        same = parts <= np.minimum(_SAME, _OF_ERRORS * np.max(errors) / sizes)
-        frames.append(len(same) - 1 if same.all() else int(np.argmin(same)) - 1)
+        same = parts <= np.minimum(_SAME, _OF_ERRORS * known / sizes)
+        # All runs begin alike, and what has no errors yet tells no method from another.
+        same[0] = True
+        last = len(same) - 1 if same.all() else int(np.argmin(same)) - 1
+        frames.append(last if known[last] else 0)
         misfits.append(float(np.max(parts[: frames[-1] + 1], initial=0.0)))
     return _Agreement(frames[0], misfits[0], min(frames) == reference.trusted - 1)
