@@ -108,7 +108,7 @@ def survivors(record: Record) -> str:
     return tabulate(rows, ["mutant", "why"], tablefmt="pipe")
 
 
-# Causes that name no mistake: nothing was found, or only how far terms are off.
+# Causes that name no mistake. A question names none either, nor does an order alone.
 _NO_NAME = ("unknown", "unfinished")
 
 
@@ -129,7 +129,12 @@ def _named(report: CheckReport | None) -> list[dict[str, str]]:
 def _kind(line: dict[str, Any]) -> str:
     """How a rejected mutant is named."""
     said = line["named"]
-    if any(each["cause"] in _NO_NAME for each in said):
+    if any(
+        each["cause"] in _NO_NAME
+        or each["words"].endswith("?")
+        or each["fix"].startswith("use a method of order")
+        for each in said
+    ):
         return "nothing"
     if said[0]["cause"] in CHECKS:
         return "check"
