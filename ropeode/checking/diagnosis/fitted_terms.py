@@ -312,11 +312,16 @@ class Fitting:
             for part in np.split(apart, ends[:-1])
         ]
 
-    def fits(self, sets: Sequence[tuple[tuple[Group, ...], np.ndarray]], samples: int) -> list[Fit]:
+    def fits(
+        self,
+        sets: Sequence[tuple[tuple[Group, ...], np.ndarray]],
+        samples: int,
+        iterations: int = _MOST_ITERATIONS,
+    ) -> list[Fit]:
         """Change sets of groups, from these changes on, so that the first samples are met."""
         trials = [_Trial(*each) for each in sets]
         with np.errstate(all="ignore"):  # Ropes that blow up.
-            for _ in range(_MOST_ITERATIONS):
+            for _ in range(iterations):
                 going = [trial for trial in trials if not trial.done]
                 if not going:
                     break
@@ -334,7 +339,10 @@ class Fitting:
         return self.fits([(fit.groups, fit.changes) for fit in fits], self._samples)
 
     def explaining(
-        self, groups: Sequence[Group], sizes: Iterable[int] = range(1, _MOST_GROUPS + 1)
+        self,
+        groups: Sequence[Group],
+        sizes: Iterable[int] = range(1, _MOST_GROUPS + 1),
+        iterations: int = _MOST_ITERATIONS,
     ) -> Iterator[list[Fit]]:
         """Sets of groups whose change explains what is observed, by their number.
 
@@ -344,6 +352,7 @@ class Fitting:
         Arguments:
             groups: that may be changed.
             sizes: of the sets.
+            iterations: at most, for the first samples.
 
         Yields:
             All fits with one group, then those with two, and so on.
@@ -358,7 +367,7 @@ class Fitting:
                 if size == 1 or all(group.name != "all" for group in some)
                 for start in itertools.product(*(_starts(group, size) for group in some))
             ]
-            near = [fit for fit in self.fits(sets, first) if fit.misfit <= most]
+            near = [fit for fit in self.fits(sets, first, iterations) if fit.misfit <= most]
             near = sorted(near, key=lambda fit: fit.misfit)[:_MOST_NEAR]
             yield [*{fit.groups: fit for fit in self.refined(near) if fit.explains}.values()]
 

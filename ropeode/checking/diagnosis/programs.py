@@ -57,6 +57,9 @@ _CHANGE, _FEWEST_CORRECTIONS, _MOST_CORRECTIONS, _SMALL_STEP = 1e-6, 3, 10, 1e-4
 _MOST_OF_IT = 0.9
 # A program that is so many motions away from the positions in a file grows without bound.
 _GROWN = 2.0
+# Pairs of changes are many: they are sought in runs with at most so many steps in a frame, with all
+# digits, by so few iterations.
+_MOST_STEPS_OF_PAIRS, _ITERATIONS_OF_PAIRS = 128, 12
 # Where a change is the same for all step sizes, or proportional to a power of them; and how closely
 # counts of steps are whole.
 _ALIKE = 1e-4
@@ -255,10 +258,11 @@ class _Run:
             change = -np.sum(here * slope, axis=1) / np.sum(slope * slope, axis=1)
             values[going] = own + change
             size, rest = (np.max(np.abs(e), axis=1) for e in (here, here + slope * change[:, None]))
-            stays = (rest > _MOST_OF_IT * size) & (size > _LARGEST)
-            lost = ~np.isfinite(change) | (stays & (correction >= _FEWEST_CORRECTIONS))
+            stays = (rest > _MOST_OF_IT * size) & (correction >= _FEWEST_CORRECTIONS)
+            # What is left may be the rounding of an unstable program.
+            lost = ~np.isfinite(change) | (stays & (size > _LARGEST))
             values[going[lost]] = np.nan
-            going = going[~lost & (np.abs(change) > _SMALL_STEP * np.abs(step))]
+            going = going[~lost & ~stays & (np.abs(change) > _SMALL_STEP * np.abs(step))]
         found = zip(guesses, values.tolist(), strict=True)
         return [
             guess._replace(value=value)
@@ -270,6 +274,13 @@ class _Run:
         self, method: Method, guesses: Sequence[_Guess], counts: np.ndarray
     ) -> list[tuple[_Guess, float]]:
         """Guesses that compute all frames, each with its misfit."""
+        found = self._agreeing(method, guesses, counts[:1])
+        return self._agreeing(method, [guess for guess, _ in found], counts) if found else []
+
+    def _agreeing(
+        self, method: Method, guesses: Sequence[_Guess], counts: np.ndarray
+    ) -> list[tuple[_Guess, float]]:
+        """The same of the frames that are counted."""
         every = [_RIGHT, *guesses]
         terms = _terms(every, np.array([guess.value for guess in every]))
         apart = self.misfits(method, terms, counts)
@@ -515,14 +526,15 @@ def _with_two_changes(
     method: Method, groups: Sequence[Group], runs: Sequence[_Run]
 ) -> list[Program]:
     """The programs of a method with two terms changed by the same numbers in all runs."""
-    if not runs:
+    runs = [run for run in runs if run.by_number()[0] <= _MOST_STEPS_OF_PAIRS]
+    if len(runs) < _FEWEST_RUNS or runs[0].same > _SAME:
         return []
     right = _terms([_RIGHT], np.full(1, math.nan))
     # Where the right program grows without bound, no step leads from it to another one.
     runs = sorted(
         runs, key=lambda run: np.max(np.abs(run.misfits(method, right, run.by_number()))) > _GROWN
     )
-    (first,), found = runs[0].fitting(method).explaining(groups, (2,)), []
+    (first,), found = runs[0].fitting(method).explaining(groups, (2,), _ITERATIONS_OF_PAIRS), []
     for fit in first:
         fits = [fit]
         for run in runs[1:]:
