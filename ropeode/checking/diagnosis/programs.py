@@ -55,11 +55,12 @@ _STILL = 1e-3
 # according to the derivative, the term is given up.
 _CHANGE, _FEWEST_CORRECTIONS, _MOST_CORRECTIONS, _SMALL_STEP = 1e-6, 3, 10, 1e-4
 _MOST_OF_IT = 0.9
-# A program that is so many motions away from the positions in a file grows without bound.
+# A program that is so much farther from the positions in one file than in another one grows without
+# bound there.
 _GROWN = 2.0
 # Pairs of changes are many: they are sought in runs with at most so many steps in a frame, with all
 # digits, by so few iterations.
-_MOST_STEPS_OF_PAIRS, _ITERATIONS_OF_PAIRS = 128, 12
+_MOST_STEPS_OF_PAIRS, _ITERATIONS_OF_PAIRS = 64, 20
 # Where a change is the same for all step sizes, or proportional to a power of them; and how closely
 # counts of steps are whole.
 _ALIKE = 1e-4
@@ -526,14 +527,16 @@ def _with_two_changes(
     method: Method, groups: Sequence[Group], runs: Sequence[_Run]
 ) -> list[Program]:
     """The programs of a method with two terms changed by the same numbers in all runs."""
-    runs = [run for run in runs if run.by_number()[0] <= _MOST_STEPS_OF_PAIRS]
-    if len(runs) < _FEWEST_RUNS or runs[0].same > _SAME:
+    short = [
+        run for run in runs if run.same <= _SAME and run.by_number()[0] <= _MOST_STEPS_OF_PAIRS
+    ]
+    if not short or method.iterates:
         return []
     right = _terms([_RIGHT], np.full(1, math.nan))
+    apart = [np.max(np.abs(run.misfits(method, right, run.by_number()))) for run in short]
     # Where the right program grows without bound, no step leads from it to another one.
-    runs = sorted(
-        runs, key=lambda run: np.max(np.abs(run.misfits(method, right, run.by_number()))) > _GROWN
-    )
+    base = next(run for run, far in zip(short, apart, strict=True) if far <= _GROWN * min(apart))
+    runs = [base, *(run for run in runs if run is not base)]
     (first,), found = runs[0].fitting(method).explaining(groups, (2,), _ITERATIONS_OF_PAIRS), []
     for fit in first:
         fits = [fit]
