@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import io
 import sys
 import threading
@@ -9,6 +10,7 @@ from types import SimpleNamespace
 
 import pytest
 
+import ropeode
 from ropeode import bars, simulate
 from ropeode.errors import InputError
 from ropeode.progress import bar, shows_progress, silent
@@ -150,6 +152,20 @@ def test_a_terminal_shows_a_bar(monkeypatch):
     left = pieces(lambda: drawn("piece 0"))
     next(left)
     assert screen.getvalue().endswith("\x1b[2K")
+
+
+def test_every_public_function_that_takes_progress_shows_a_bar():
+    takes = set()
+    for name in ropeode.__all__:
+        public = getattr(ropeode, name)
+        for each in [public, *(vars(public).values() if inspect.isclass(public) else ())]:
+            parameters = inspect.signature(each).parameters if inspect.isfunction(each) else {}
+            if (parameter := parameters.get("progress")) is not None:
+                assert parameter.kind is parameter.KEYWORD_ONLY, each
+                assert parameter.default is bar, each
+                assert each.__code__ is work.__code__, each
+                takes.add(each.__name__)
+    assert {"reference", "simulate", "save"} <= takes
 
 
 def test_progress_that_cannot_be_called_is_refused(small_rope):

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from ropeode.analysis import ROUND_OFF, observed_order
-from ropeode.checking import Convergence, convergence_finding
+from ropeode.checking import Convergence, convergence_finding, falls_too_slowly
+from ropeode.checking.richardson import limit_of
 from ropeode.checking.trajectories.coarse_steps import by_coarse_steps
 
 
@@ -42,6 +43,24 @@ def test_an_interval_that_holds_a_lower_order_decides_nothing(bend, status, word
     finding = convergence_finding("order", made_up(HALVED, errors, 1))
     assert finding.line.startswith(words)
     assert finding.status == status
+
+
+@pytest.mark.parametrize(
+    ("errors", "too_slowly"),
+    [
+        # A plateau that goes up and down, as where a time is rounded.
+        (lambda dts, wave: dts**2 + 1e-3 * (2.0 + wave), True),
+        # As fast as it should, but on no line.
+        (lambda dts, wave: dts**2 * np.exp(0.3 * wave), False),
+    ],
+)
+def test_errors_that_show_no_order_may_still_fall_too_slowly(errors, too_slowly):
+    dts = 0.2 / 1.5 ** np.arange(14)
+    found = errors(dts, np.cos(9.0 * np.arange(14)))
+    convergence = made_up(dts, found, 2)
+    assert convergence.orders["position"].verdict == "undetermined"
+    assert falls_too_slowly(convergence) is too_slowly
+    assert not falls_too_slowly(made_up(dts, found, 2, resolution=2e-3))
 
 
 def test_errors_too_small_to_be_told_are_right():
@@ -103,3 +122,16 @@ SQUARES = DTS**2 * np.array([1.0, 1.5, 1.0, 1.5, 1.0, 1.0, 1.0])
 )
 def test_what_round_off_cannot_explain_is_not_left_out(errors, more, verdict):
     assert in_single_precision(errors, **more).verdict == verdict
+
+
+def test_the_uncertainty_of_a_limit_is_no_accident():
+    """The error's terms are such that at the first sample one run fewer changes nothing."""
+    dts = np.array([0.4, 0.2, 0.1])
+    # Per unit of the cubic term, the extrapolation of all three is off by 0.008; that of the last
+    # two by -0.006, and by -0.02 per unit of the quadratic term.
+    quadratic, cubic = np.array([-0.7, 1.0]), np.ones(2)
+    runs = [1.0 + 3.0 * dt + quadratic * dt**2 + cubic * dt**3 for dt in dts]
+    limit = limit_of(list(dts), [run[:, None, None] for run in runs])
+    assert limit is not None
+    assert np.allclose(limit.values[:, 0, 0] - 1.0, 0.008)
+    assert np.all(limit.uncertainty > 0.008)

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
+import signal
+import time
+
+import psutil
 import pytest
 
 from tests.classroom.conftest import rows_in, times, write
+from tests.time_limit import HANGS_AFTER_S
 
 STEP = "def step(acceleration, t, x, v, dt, args):\n"
 RIGHT = f"{STEP}    v = v + dt * acceleration(t, x, v, args)\n    return x + dt * v, v\n"
@@ -98,3 +105,36 @@ def test_each_submission_has_its_row_and_is_not_checked_again(run_process, tmp_p
     assert before.keys() == after.keys()
     assert {name for name, _ in before.items() ^ after.items()} == {"empty.json"}
     assert rows_in(tmp_path / "out")["empty"]["points"] == "10"
+
+
+def has_ended(process):
+    """Whether a process runs no more; nobody may have taken note of it."""
+    with contextlib.suppress(psutil.NoSuchProcess):
+        return psutil.Process(process).status() == psutil.STATUS_ZOMBIE
+    return True
+
+
+@pytest.mark.slow
+def test_ctrl_c_keeps_what_is_done_and_ends_all_processes(started, run_process, tmp_path):
+    pid, done = tmp_path / "pid", tmp_path / "out/results/a.json"
+    waits = f"import os, time\nopen({str(pid)!r}, 'w').write(str(os.getpid()))\ntime.sleep(1000)\n"
+    write(tmp_path / "class", {"a.py": RIGHT, "b.py": waits})
+    words = ("check", "class", "--only", "pins", "-o", "out")
+    process = started(*words)
+    until = time.monotonic() + HANGS_AFTER_S
+    while not (pid.exists() and pid.read_text() and done.exists()) and time.monotonic() < until:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=HANGS_AFTER_S)
+    assert process.returncode == 130
+    assert "finished submissions are kept; run the same command to resume" in err
+    until = time.monotonic() + 10.0
+    while not has_ended(int(pid.read_text())) and time.monotonic() < until:
+        time.sleep(0.05)
+    assert has_ended(int(pid.read_text()))
+    before = times(done.parent)["a.json"]
+    write(tmp_path / "class", {"b.py": RIGHT})
+    assert run_process(*words).returncode == 0
+    assert times(done.parent)["a.json"] == before
+    other = json.loads((tmp_path / "out/results/b.json").read_text())
+    assert other["outcome"]["verdict"] == "right"

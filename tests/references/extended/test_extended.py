@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib
 from fractions import Fraction
 
 import jax.numpy as jnp
@@ -239,6 +240,25 @@ def test_what_is_held_stays_and_steps_solve_the_equation():
     look = run.defects.look(problem, {"position": np.ones(3), "velocity": np.ones(3)})
     moved = np.ptp(problem.ts) * np.max(np.abs(run.path.slopes))
     assert 0.0 < np.sum(look.share) < 1e6 * run.tolerance * moved
+
+
+@pytest.mark.slow
+def test_what_grows_by_many_digits_ends_the_trust(monkeypatch):
+    """Without the float64 solvers, which lose all digits sooner."""
+    module = importlib.import_module("ropeode.references.extended.reference")
+    monkeypatch.setattr(module, "_consensus", lambda *_: module._Evidence(None, None, ()))
+
+    def rhs(t, y, args):
+        pulse = 1e-24 * jnp.exp(-(((t - args) / 1e-3) ** 2))
+        return jnp.stack([-y[0], 3.0 * y[1] + pulse])
+
+    problem = Problem(rhs, [1.0, 0.0], np.linspace(0.0, 20.0, 5), args=2.2)
+    known = extended(problem)
+    assert known.certificate.witnesses[-1].role == "close look"
+    assert known.horizon == 20.0
+    grown = 1e-27 * np.sqrt(np.pi) * np.exp(3.0 * (problem.ts - 2.2))
+    assert np.all(known.bound()[1:4] > grown[1:4])
+    assert "near t = 2.199" in known.certificate.horizon_reason
 
 
 def test_what_starts_from_rest_is_moved_by_a_part_of_its_own_speed():

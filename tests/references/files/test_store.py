@@ -6,6 +6,10 @@ import dataclasses
 import os
 import resource
 import shutil
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import h5py
@@ -280,6 +284,30 @@ def test_what_is_declared_is_not_believed(saved, tmp_path, trick):
     with pytest.raises(InputError, match="reference: "):
         load_reference(victim)
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 200_000
+
+
+SAVE = """
+import sys
+from ropeode import load_reference, save_reference
+known = load_reference(sys.argv[1])
+print("ready", flush=True)
+for _ in range(10000):
+    save_reference(known, sys.argv[2])
+"""
+
+
+def test_kill_at_any_moment_leaves_a_whole_file(saved, tmp_path):
+    target = tmp_path / "target.nc"
+    shutil.copy(saved, target)
+    process = subprocess.Popen(
+        [sys.executable, "-c", SAVE, str(saved), str(target)], stdout=subprocess.PIPE
+    )
+    process.stdout.readline()
+    time.sleep(float(np.random.default_rng(1).uniform(0.0, 0.15)))
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    process.stdout.close()
+    same(load_reference(target), load_reference(saved))
 
 
 @pytest.mark.parametrize("room", [0, 100, 4096, 20_000])
