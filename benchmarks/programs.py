@@ -29,7 +29,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from benchmarks.outcomes import lines_in
 from ropeode import InextensibleRope, Rope, grade, reference
 from ropeode.errors import InputError
-from tests.checking.written_programs import Program, explicit, kick_drift_kick, rk4
+from tests.checking.written_programs import (
+    Program,
+    explicit,
+    frozen,
+    kick_drift_kick,
+    rk4,
+    speed,
+)
 
 FRAMES = 20
 STEPS = (32, 64, 128, 256)
@@ -39,6 +46,9 @@ ROPES = {
     "damped springs": Rope(damping=0.01),
     "thrown, damped": Rope(damping=0.01, initial_velocity=(3.0, -1.0)),
     "rigid links": InextensibleRope(),
+    "unequal masses": Rope(
+        node_mass=tuple(1.0 + i % 3 for i in range(16)), damping=0.05, initial_velocity=(3.0, -1.0)
+    ),
 }
 KEPT = {"method": "verlet", "kept": 1.0 - 5e-5}
 
@@ -92,6 +102,13 @@ CASES = (
          "thrown, damped", positions_only=True),
     Case("explicit Euler where order 2 is claimed", {"method": explicit}, 2, "damped springs",
          FINE),
+    Case("forces not divided by the mass", {"masses_that_divide": 0}, rope="unequal masses"),
+    Case("gravity times the mass", {"masses_of_gravity": 1}, rope="unequal masses"),
+    Case("a spring's direction that is no unit vector", {"spring_times": lambda length, _: length}),
+    Case("drag with the square of the speed", {"drag_times": speed}, rope="thrown, damped"),
+    Case("gravity 9.8, and the damping is missing", {"gravity": 9.8, "damping": 0.0},
+         rope="thrown, damped"),
+    Case("velocity Verlet without the new acceleration", {"method": frozen}, 2, "thrown, damped"),
     Case("RK4 with `while t < end`", {"method": rk4, "counts_by_time": True}, 4,
          steps=(10, 20, 50, 100)),
     Case("RK4, samples by a straight line between steps", {"method": rk4,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 from trajectory_writing import finding
 from written_programs import (
@@ -13,6 +12,7 @@ from written_programs import (
     kutta3,
     midpoint,
     semi_implicit,
+    speed,
 )
 
 from ropeode import InextensibleRope, Rope, grade, reference
@@ -37,10 +37,6 @@ def known():
         name: reference(rope.problem(FRAMES))
         for name, rope in (("moving", MOVING), ("resting", RESTING), ("rigid", RIGID))
     }
-
-
-def speed(v, mass):
-    return np.linalg.norm(v, axis=1, keepdims=True)
 
 
 BY_TAYLOR = {"method": "verlet", "starts": "taylor"}

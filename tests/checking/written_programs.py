@@ -54,6 +54,10 @@ def rk4(a, x, v, dt):
     return x + dt / 6 * (v1 + 2 * v2 + 2 * v3 + v4), v + dt / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
 
 
+def speed(v, mass):
+    return np.linalg.norm(v, axis=1, keepdims=True)
+
+
 @dataclasses.dataclass
 class Program:
     """A rope as in a game: loops that share nothing with the package.
