@@ -66,7 +66,7 @@ _MOST_STEPS_OF_PAIRS, _ITERATIONS_OF_PAIRS = 64, 20
 _ALIKE = 1e-4
 # What rounds lengths to single precision leaves differences of the same size as another rounding
 # of them, to such a factor. Step sizes so many times apart tell rounding from a method's error.
-_AS_SINGLE, _APART = 10.0, 4.0
+_AS_SINGLE, _APART = 10.0, 1.9
 
 KEPT = ("kept", "kept_first", "kept_last")
 # The terms that a rope without springs does not have.
@@ -579,8 +579,9 @@ def _in_single(method: Method, runs: Sequence[_Run]) -> list[Program]:
         # Without springs there are no lengths to round.
         if not 0.0 < rounding / _AS_SINGLE <= left[-1] <= _AS_SINGLE * rounding:
             return []
-    # The error of a method of order 1 falls to a quarter.
-    stays = left[-1] >= left[0] / 2.0 and runs[0].dt >= _APART * runs[-1].dt
+    # The error of a method of order 1 falls by as much as the step size.
+    ratio = runs[0].dt / runs[-1].dt
+    stays = ratio >= _APART and left[-1] >= left[0] / math.sqrt(ratio)
     if not stays or max(left) > _LARGEST:
         return []
     return [Program(method, (), {}, max(left), runs[0].frames, single=True)]
