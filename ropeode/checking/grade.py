@@ -195,7 +195,9 @@ def _order(
     if finding.status == "fail":
         return finding, notes
     if named is not None and _refutes(named, claims, expected):
-        return Finding("order", "fail", f"no order; {named.line}", named.evidence), ()
+        evidence = {**finding.evidence, **named.evidence}
+        line = f"no order; {named.line}"
+        return dataclasses.replace(finding, status="fail", line=line, evidence=evidence), ()
     known = finite(runs)
     if len(known) >= FEWEST:
         late = late_samples(reference, known)
