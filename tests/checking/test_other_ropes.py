@@ -59,7 +59,8 @@ NEITHER = [
 
 @pytest.mark.parametrize(("solved", "stepper", "given"), NEITHER)
 def test_files_of_neither(tmp_path, ropes, solved, stepper, given):
-    made = write_runs(tmp_path, solved.problem(frames=3), stepper, STEPS)
+    # Coarser steps leave it open whether there is a limit.
+    made = write_runs(tmp_path, solved.problem(frames=3), stepper, (32, 64, 128))
     known = dataclasses.replace(ropes["rope"], problem=given.problem(frames=3))
     found = [each.cause for each in grade(made, known, expected_order=1).diagnosis]
     assert "other-rope" not in found
