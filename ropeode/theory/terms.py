@@ -117,7 +117,7 @@ def by_power(name: str, exponent: float) -> str:
 
 def times(value: float, equals: Callable[[float], bool] | None = None) -> str:
     """What follows the subject where a term has a factor; arguments as for `said`."""
-    for mistake, factor in _NUMBERS.items():
+    for mistake, factor in FACTORS.items():
         if equals(factor) if equals else value == factor:
             return mistake
     off = value - 1.0
@@ -173,14 +173,14 @@ def _rest_length(place: TermPlace) -> float:
 
 
 # Of any term.
-_NUMBERS = {
+FACTORS = {
     "is left out": 0.0,
     "has the wrong sign": -1.0,
     "is counted twice": 2.0,
     "is counted half": 0.5,
 }
 NUMBERS = tuple(
-    Mistake(words, lambda place, factor=factor: factor) for words, factor in _NUMBERS.items()
+    Mistake(words, lambda place, factor=factor: factor) for words, factor in FACTORS.items()
 )
 _OF_A_FORCE = (
     Mistake("is not divided by the mass", mass),

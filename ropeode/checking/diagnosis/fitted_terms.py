@@ -269,6 +269,7 @@ class Fitting:
         motion: of copies of the rope with given terms, at the first samples.
         states: that are observed, ``(1 + samples, *numbers)``.
         uncertainty: of each, of the same shape.
+        refine: makes the motion precise enough for a rope with these terms, if it may not be so.
     """
 
     def __init__(
@@ -276,15 +277,17 @@ class Fitting:
         motion: Callable[[Terms, int], np.ndarray],
         states: np.ndarray,
         uncertainty: np.ndarray,
+        refine: Callable[[Terms], None] = lambda terms: None,
     ):
-        self._motion, self._samples = motion, len(states) - 1
+        self._motion, self._refine, self._samples = motion, refine, len(states) - 1
         self._weights = 1.0 / uncertainty[1:].reshape(self._samples, -1)
         self._target = np.nan_to_num(states[1:]).reshape(self._weights.shape)
 
     @classmethod
     def to_limit(cls, limit: ObservedLimit) -> Fitting:
         """To what the runs of a program tend to."""
-        return cls(_ExactMotion(limit), limit.states, limit.uncertainty)
+        exact = _ExactMotion(limit)
+        return cls(exact, limit.states, limit.uncertainty, exact.refine)
 
     def _differences(
         self, sets: Sequence[tuple[tuple[Group, ...], np.ndarray]], samples: int
@@ -334,8 +337,7 @@ class Fitting:
         """Fits to all samples, from those that are near."""
         if not fits:
             return []
-        if isinstance(self._motion, _ExactMotion):
-            self._motion.refine(terms_with(min(fits, key=lambda fit: fit.misfit).values()))
+        self._refine(terms_with(min(fits, key=lambda fit: fit.misfit).values()))
         return self.fits([(fit.groups, fit.changes) for fit in fits], self._samples)
 
     def explaining(

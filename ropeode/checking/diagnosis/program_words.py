@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ropeode.checking.diagnosis.limits import Runs
@@ -15,13 +17,11 @@ from ropeode.checking.diagnosis.programs import (
 from ropeode.checking.report import Diagnosis
 from ropeode.checking.simple_numbers import shortest
 from ropeode.problems import Problem
-from ropeode.theory.terms import TERMS, by_power, known_mistakes, said
+from ropeode.theory.terms import FACTORS, TERMS, by_power, known_mistakes, said
 from ropeode.validation import listed
 
 # How precisely a number is found, as a part of itself and of the right one.
 _PRECISION = 1e-7
-# Factors that say what happened.
-_SIMPLE = (0.0, 0.5, 2.0, -1.0)
 _SCALE = TERMS["kept"].remedy
 _PER_STEP = "{}, however long the step is, so that the runs have no limit as dt goes to 0"
 _ADDED = "are never set to zero: each step adds those of all steps before"
@@ -86,20 +86,7 @@ def diagnose_program(problem: Problem, runs: Runs, truth: np.ndarray) -> Diagnos
     evidence = {
         "method": program.method.name,
         "terms": [
-            {
-                "term": TERMS[each.mistake.kind].name,
-                "mistake": each.mistake.words,
-            }
-            if each.mistake
-            else {
-                "term": TERMS[name].name,
-                "expected": TERMS[name].expected,
-                "found": [*each.found.values()],
-            }
-            for program in programs
-            for each in (program, program.also)
-            if each
-            for name in (each.changed[:1] if each.mistake else each.changed)
+            term for known in programs for change in known.changes for term in _terms_of(change)
         ],
         "dts": [*program.found],
         "frames": program.frames,
@@ -111,6 +98,18 @@ def diagnose_program(problem: Problem, runs: Runs, truth: np.ndarray) -> Diagnos
         f"{same}"
     )
     return Diagnosis(cause, line, evidence, remedy)
+
+
+def _terms_of(change: Program) -> list[dict[str, Any]]:
+    """The terms that one change is about, as evidence."""
+    if change.mistake:
+        name = TERMS[change.mistake.kind].name
+        return [{"term": name, "mistake": change.mistake.words}]
+    found = [*change.found.values()]
+    return [
+        {"term": TERMS[name].name, "expected": TERMS[name].expected, "found": found}
+        for name in change.changed
+    ]
 
 
 def _order(order: int | str) -> str:
@@ -149,8 +148,7 @@ def _said(program: Program, problem: Problem) -> tuple[str, str, str]:
         words = "a part of the force, such as the length of a spring, is in single precision"
         mistakes.append(("float32", words, "compute in double precision throughout"))
     if program.changed:
-        changes = [program, program.also] if program.also else [program]
-        mistakes += [_changed(each, problem) for each in changes]
+        mistakes += [_changed(each, problem) for each in program.changes]
     causes, words, remedies = zip(*mistakes, strict=True)
     return causes[0], "; and ".join(words), "; ".join(remedies)
 
@@ -189,7 +187,7 @@ def _by_power(
             and each.kind == {"forces": "mass"}.get(name, name)
             and abs(each.number - value) <= _PRECISION * max(abs(value), 1.0)
         ]
-        if known and term.expected == 1.0 and value not in _SIMPLE:
+        if known and term.expected == 1.0 and value not in FACTORS.values():
             words += f" (perhaps it {known[0]})"
         return "parameters", words, term.remedy
     if exponent < 0.0 and "damping" in term.name:

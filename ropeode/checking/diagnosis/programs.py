@@ -1,9 +1,10 @@
 """The program that computed files of a rope, found by computing the same numbers.
 
 A right program and one with a mistake are short loops of known formulas. Where such a loop, with
-one number changed, gives the positions in the files to rounding, over frames that were not used to
-find that number, the mistake is that number: no limit for small steps is needed, and files of
-coarse or unstable runs tell as much as others.
+one number changed or two, gives the positions in the files to rounding, over frames that were not
+used to find them, the mistake is that number: no limit for small steps is needed, and files of
+coarse or unstable runs tell as much as others. Mistakes without a number, and slips in methods, are
+computed as they are.
 """
 
 from __future__ import annotations
@@ -132,6 +133,11 @@ class Program(NamedTuple):
         wrong = self.fixed or self.forgets_velocity or self.extra or self.single
         return not (self.changed or wrong)
 
+    @property
+    def changes(self) -> tuple[Program, ...]:
+        """The same with one change in each."""
+        return (self, self.also) if self.also else (self,)
+
 
 class _Run:
     """The first frames of a run, and programs that should compute them.
@@ -177,23 +183,14 @@ class _Run:
                 t, counts[-1] = t + self.dt, counts[-1] + 1
         return np.array(counts)
 
-    def misfits(
-        self,
-        method: Method,
-        terms: Terms,
-        counts: np.ndarray,
-        *,
-        single: bool = False,
-        shaken: float = 0.0,
-    ) -> np.ndarray:
-        """Differences from the positions, as parts of the motion; arguments as for `motion`.
+    def misfits(self, motion: np.ndarray) -> np.ndarray:
+        """Differences from the positions, as parts of how far these move, ``(copies, numbers)``.
 
-        Returns:
-            ``(copies, numbers)``.
+        Arguments:
+            motion: positions at the first samples, as `motion` has them.
         """
-        found = self.motion(method, terms, counts, single=single, shaken=shaken)
-        apart = (found - self.positions[1 : len(counts) + 1]) / self._motion
-        return np.nan_to_num(apart.reshape(len(found), -1), nan=np.inf)
+        apart = (motion - self.positions[1 : motion.shape[1] + 1]) / self._motion
+        return np.nan_to_num(apart.reshape(len(motion), -1), nan=np.inf)
 
     def motion(
         self,
@@ -254,7 +251,7 @@ class _Run:
             own, changed = values[going], [guesses[i] for i in going.tolist()]
             step = _CHANGE * np.maximum(np.abs(own), 1.0)
             terms = _terms([*changed, *changed], np.concatenate([own, own + step]))
-            here, there = np.split(self.misfits(method, terms, counts[:1]), 2)
+            here, there = np.split(self.misfits(self.motion(method, terms, counts[:1])), 2)
             slope = (there - here) / step[:, None]
             change = -np.sum(here * slope, axis=1) / np.sum(slope * slope, axis=1)
             values[going] = own + change
@@ -284,12 +281,12 @@ class _Run:
         """The same of the frames that are counted."""
         every = [_RIGHT, *guesses]
         terms = _terms(every, np.array([guess.value for guess in every]))
-        apart = self.misfits(method, terms, counts)
+        apart = self.misfits(self.motion(method, terms, counts))
         largest = np.max(np.abs(apart), axis=1)
         allowed = np.full(len(largest), self.same)
         if np.any((largest > self.same) & (largest <= _LARGEST)):
             # An unstable program makes much of the last bit, in which two right ones may differ.
-            shaken = self.misfits(method, terms, counts, shaken=_LAST_BITS)
+            shaken = self.misfits(self.motion(method, terms, counts, shaken=_LAST_BITS))
             by_rounding = np.max(np.abs(shaken - apart), axis=1)
             allowed = np.maximum(self.same, np.minimum(by_rounding, _LARGEST))
         allowed[1:] = [
@@ -353,7 +350,8 @@ def programs_of(problem: Problem, runs: Runs, truth: np.ndarray) -> tuple[Progra
 
     Returns:
         Programs of one method, with the same number of changes, between which the runs cannot
-        decide; none if no method of `METHODS`, with at most one change, computes them.
+        decide; none if no method of `METHODS`, with at most two changes, and none of `MISTAKEN`
+        computes them.
     """
     if not has_rope_forces(problem):
         return ()
@@ -487,17 +485,18 @@ def _programs(
     if clock is not _Run.by_number and not extra:
         return []
     first = runs[0].agreeing(method, runs[0].fitted(method, guesses, counts[0]), counts[0])
-    found = []
-    seen = set()
+    # The first start from which a change is found is enough.
+    different: dict[tuple, tuple[_Guess, float]] = {}
     for guess, misfit in first:
-        same = guess.changed, guess.mistake and guess.mistake.words
-        if same in seen:
-            continue
-        seen.add(same)
+        different.setdefault(
+            (guess.changed, guess.mistake and guess.mistake.words), (guess, misfit)
+        )
+    found = []
+    for guess, misfit in different.values():
         values = _followed(method, guess, runs, counts)
         if values is not None:
-            program = Program(method, guess.changed, values, misfit, runs[0].frames, extra=extra)
-            found.append(program._replace(mistake=guess.mistake))
+            known = Program(method, guess.changed, values, misfit, runs[0].frames, extra=extra)
+            found.append(known._replace(mistake=guess.mistake))
     return found
 
 
@@ -532,13 +531,15 @@ def _with_two_changes(
     ]
     if not short or method.iterates:
         return []
-    right = _terms([_RIGHT], np.full(1, math.nan))
-    apart = [np.max(np.abs(run.misfits(method, right, run.by_number()))) for run in short]
+    apart = [
+        np.max(np.abs(run.misfits(run.motion(method, right_terms(1), run.by_number()))))
+        for run in short
+    ]
     # Where the right program grows without bound, no step leads from it to another one.
     base = next(run for run, far in zip(short, apart, strict=True) if far <= _GROWN * min(apart))
     runs = [base, *(run for run in runs if run is not base)]
-    (first,), found = runs[0].fitting(method).explaining(groups, (2,), _ITERATIONS_OF_PAIRS), []
-    for fit in first:
+    (pairs,), found = base.fitting(method).explaining(groups, (2,), _ITERATIONS_OF_PAIRS), []
+    for fit in pairs:
         fits = [fit]
         for run in runs[1:]:
             fits += run.fitting(method).refined(fits[-1:])
@@ -554,8 +555,8 @@ def _with_two_changes(
                     method,
                     group.terms,
                     {run.dt: float(each[part]) for run, each in zip(runs, values, strict=True)},
-                    fit.misfit * runs[0].same,
-                    runs[0].frames,
+                    fit.misfit * base.same,
+                    base.frames,
                 )
                 for part, group in enumerate(fit.groups)
             )
@@ -570,12 +571,14 @@ def _in_single(method: Method, runs: Sequence[_Run]) -> list[Program]:
     """
     if not runs:
         return []
-    right, left = _terms([_RIGHT], np.full(1, math.nan)), []
+    right, left = right_terms(1), []
     for run in runs:
-        double = run.misfits(method, right, run.by_number())
-        single = run.misfits(method, right, run.by_number(), single=True) - double
+        double, single = (
+            run.misfits(run.motion(method, right, run.by_number(), single=of_single))
+            for of_single in (False, True)
+        )
         left.append(float(np.max(np.abs(double))))
-        rounding = float(np.max(np.abs(single)))
+        rounding = float(np.max(np.abs(single - double)))
         # Without springs there are no lengths to round.
         if not 0.0 < rounding / _AS_SINGLE <= left[-1] <= _AS_SINGLE * rounding:
             return []
