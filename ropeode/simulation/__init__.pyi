@@ -4,6 +4,7 @@ from .method import Method as Method
 from .method import method_of as method_of
 from .python_driver import PythonStepper as PythonStepper
 from .python_driver import one_at_a_time as one_at_a_time
+from .python_driver import run_in_python as run_in_python
 from .python_driver import take_turn_from as take_turn_from
 from .run import simulate as simulate
 from .run import simulate_chunks as simulate_chunks

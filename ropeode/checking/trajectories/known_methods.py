@@ -17,10 +17,11 @@ from ropeode.checking.trajectories.convergence import first_frames, worst_roundi
 from ropeode.checking.trajectories.layout import samples_of
 from ropeode.checking.trajectories.run_files import Run, finite
 from ropeode.norms import NORMS
+from ropeode.precision import in_float64
 from ropeode.problems import Problem
 from ropeode.progress import silent
 from ropeode.references import Reference
-from ropeode.simulation import simulate, step_size
+from ropeode.simulation import run_in_python, simulate, step_size
 from ropeode.steppers import as_stepper
 from ropeode.study import problem_class
 from ropeode.validation import listed
@@ -41,9 +42,13 @@ _LIKELY = (
     ("heun", "midpoint", "ralston2", "ralston3"),
     ("stormer-verlet:damping=lagged", "stormer-verlet:start=rest,damping=lagged"),
 )
-# Positions are like those of a stepper if they differ by this part of their errors, or by rounding.
-# They are the same if they differ by this part of the motion and of their errors.
-_ALIKE, _SAME, _OF_ERRORS = 0.01, 1e-9, 1e-3
+# Positions are like those of a stepper if they differ by this part of their errors, or by rounding,
+# and begin so if they do by that part. They are the same if they differ by this part of the motion
+# and of their errors.
+_ALIKE, _BEGINS, _SAME, _OF_ERRORS = 0.01, 0.1, 1e-9, 1e-3
+# The first frame tells most steppers apart. Up to so many steps, Python has it before a run is
+# compiled.
+_MOST_IN_PYTHON = 2048
 # How far from a whole number the steps in a frame may be, by rounding of dt.
 WHOLE = 1e-3
 
@@ -62,6 +67,16 @@ class Actor:
     def __init__(self, name: str, problem: Problem, columns: int):
         self.name, self.problem, self.columns = name, problem, columns
         self._runs: dict[int, Run | None] = {}
+        self._beginnings: dict[int, np.ndarray] = {}
+
+    @in_float64
+    def beginning(self, steps: int) -> np.ndarray:
+        """The states ``(2, *state)`` at the ends of the first frame, with so many steps in it."""
+        if steps not in self._beginnings:
+            first = self.problem.changed(ts=self.problem.ts[:2], exact=None)
+            stepper = as_stepper(self.name).on(first.structure)
+            self._beginnings[steps], *_ = run_in_python(first, stepper, steps, math.inf, silent)
+        return self._beginnings[steps]
 
     def run(self, steps: int) -> Run | None:
         """Its run with so many steps per frame; None if that diverges."""
@@ -113,8 +128,12 @@ def like_steppers(reference: Reference, runs: Sequence[Run]) -> list[Actor]:
         found = [
             actor
             for actor in actors
-            if all(
-                (made := actor.run(n)) is not None and _alike(reference, run, made)
+            if (
+                counts[0] > _MOST_IN_PYTHON
+                or _alike(reference, runs[0], actor.beginning(counts[0]), _BEGINS)
+            )
+            and all(
+                (made := actor.run(n)) is not None and _alike(reference, run, made.states)
                 for run, n in zip(runs, counts, strict=True)
             )
         ]
@@ -123,15 +142,22 @@ def like_steppers(reference: Reference, runs: Sequence[Run]) -> list[Actor]:
     return []
 
 
-def _alike(reference: Reference, run: Run, made: Run) -> bool:
-    """Whether two runs have the same positions in the first frame, and until they blow up."""
+def _alike(reference: Reference, run: Run, made: np.ndarray, part: float = _ALIKE) -> bool:
+    """Whether a run and states have the same positions in the first frame, and until they blow up.
+
+    Arguments:
+        reference: of the problem.
+        run: from a file.
+        made: ``(times, *state)``; so many samples are compared.
+        part: of the errors of the run, by which they may differ.
+    """
     problem, norm = reference.problem, NORMS[f"{reference.problem.quantities[0]}-max"]
-    errors = distances(run.states, reference, norm)
+    errors = distances(run.states[: len(made)], reference, norm)
     blown_up = errors > moved(reference, norm)
     end = max(int(np.argmax(blown_up)), 2) if blown_up.any() else len(errors)
-    apart = largest_distance(problem, norm, run.states[:end], made.states[:end])
+    apart = largest_distance(problem, norm, run.states[:end], made[:end])
     rounding = float(np.linalg.norm(worst_rounding(run, reference)[: run.layout.dim]))
-    return apart <= max(_ALIKE * float(np.max(errors[:end])), rounding)
+    return apart <= max(part * float(np.max(errors[:end])), rounding)
 
 
 class Identity(NamedTuple):
