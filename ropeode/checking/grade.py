@@ -135,8 +135,10 @@ def grade(
         )
 
     @functools.cache
-    def program() -> Diagnosis | None:
-        return _program(reference, runs)
+    def program(changes: int = 1) -> Diagnosis | None:
+        # What needs fewer changes is none with more of them.
+        fewer = changes > 1 and program() is not None
+        return None if fewer else _program(reference, runs, changes)
 
     own_files = Files(files, own, dts)
     order, notes = _order(reference, runs, own_files, claims, expected, other, program)
@@ -148,7 +150,10 @@ def grade(
     )
     diagnosis: tuple[Diagnosis, ...] = ()
     wrong = order.status == "fail"
-    if diagnose and wrong and (mistake := program()) and mistake.cause != "method":
+    mistake = program() if diagnose and wrong else None
+    if diagnose and wrong and len(known) < FEWEST:
+        mistake = mistake or program(2)
+    if mistake is not None and mistake.cause != "method":
         diagnosis = (_or_so_written(reference, known, mistake),)
     elif diagnose and len(known) >= FEWEST and (wrong or expected is None):
         progress("diagnosis", 0.95)
@@ -179,7 +184,7 @@ def _order(
     claims: Claims,
     expected: int | None,
     other: Callable[[], Diagnosis | None],
-    program: Callable[[], Diagnosis | None],
+    program: Callable[..., Diagnosis | None],
 ) -> tuple[Finding, tuple[str, ...]]:
     """The verdict on convergence; no order is needed if a mistake in the files explains all."""
     finding, notes = order_finding(reference, runs, expected)
@@ -209,6 +214,11 @@ def _order(
             return Finding("order", "fail", f"no order; {written.words}"), ()
         if other() is not None:
             return Finding("order", "fail", "no order; the files fit another rope"), ()
+    # Of all changes to the program, two at once take the longest to find.
+    if (named := program(2)) is not None:
+        evidence = {**finding.evidence, **named.evidence}
+        line = f"no order; {named.line}"
+        return dataclasses.replace(finding, status="fail", line=line, evidence=evidence), ()
     # Not above: it runs steppers, which takes longer than all the rest.
     if (same := same_method(reference, runs)) is not None:
         stable = finding.convergence is not None and not finest_is_unstable(finding.convergence)
@@ -233,13 +243,19 @@ def _refutes(named: Diagnosis, claims: Claims, expected: int | None) -> bool:
     return too_low or (_is_symplectic(claims) and not named.evidence["symplectic"])
 
 
-def _program(reference: Reference, runs: Sequence[Run]) -> Diagnosis | None:
-    """The program whose numbers are those of the runs in their first frames."""
+def _program(reference: Reference, runs: Sequence[Run], changes: int) -> Diagnosis | None:
+    """The program whose numbers are those of the runs in their first frames.
+
+    Arguments:
+        reference: of the problem.
+        runs: from coarse to fine.
+        changes: how many, 2 where no program with at most 1 was found.
+    """
     # Not above: right programs do not need it.
     from ropeode.checking.diagnosis.program_words import diagnose_program
 
     states = [(run.dt, run.states) for run in runs]
-    return diagnose_program(reference.problem, states, reference.states)
+    return diagnose_program(reference.problem, states, reference.states, changes)
 
 
 def _or_so_written(reference: Reference, runs: Sequence[Run], mistake: Diagnosis) -> Diagnosis:
@@ -321,7 +337,7 @@ def _diagnosed(
     expected: int | None,
     late: Diagnosis | None,
     other: Callable[[], Diagnosis | None],
-    program: Callable[[], Diagnosis | None],
+    program: Callable[..., Diagnosis | None],
     start: Callable[[ObservedOrder], Diagnosis | None],
 ) -> tuple[Diagnosis, ...]:
     """What is wrong with the files, or what they solve instead of the problem."""
@@ -332,6 +348,8 @@ def _diagnosed(
         return (_of_files(written),)
     if (rope := other()) is not None:
         return (rope,)
+    if (both := program(2)) is not None:
+        return (_or_so_written(reference, runs, both),)
     orders = {} if order.convergence is None else order.convergence.orders
     if all(each.verdict == "converges" for each in orders.values()) and (named := program()):
         return (named,)

@@ -45,19 +45,22 @@ _MISTAKES: dict[tuple[str, ...], tuple[str, str, str]] = {
 }
 
 
-def diagnose_program(problem: Problem, runs: Runs, truth: np.ndarray) -> Diagnosis | None:
+def diagnose_program(
+    problem: Problem, runs: Runs, truth: np.ndarray, changes: int = 1
+) -> Diagnosis | None:
     """Name the program whose positions are those in files, with its mistake if it has one.
 
     Arguments:
         problem: that it should solve.
         runs: step size and states of each; not-a-number from where it diverged.
         truth: the right states, ``(times, *state)``.
+        changes: as for `programs_of`.
 
     Returns:
         The cause `method` if nothing is wrong in the program; None if no program that is known
         computes the positions.
     """
-    programs = programs_of(problem, runs, truth)
+    programs = programs_of(problem, runs, truth, changes)
     if not programs:
         fixed = fixed_nodes(problem, runs, truth)
         return Diagnosis("fixed-node", _fixed(fixed), {"nodes": fixed}, _PINS) if fixed else None

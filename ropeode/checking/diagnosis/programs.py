@@ -340,17 +340,21 @@ def _restored(x: np.ndarray, args: Any) -> np.ndarray:
     return np.stack(nodes, axis=2)
 
 
-def programs_of(problem: Problem, runs: Runs, truth: np.ndarray) -> tuple[Program, ...]:
+def programs_of(
+    problem: Problem, runs: Runs, truth: np.ndarray, changes: int
+) -> tuple[Program, ...]:
     """The programs that compute the positions of all runs in their first frames.
 
     Arguments:
         problem: a rope, with springs or with rigid links.
         runs: step size and states of each; not-a-number from where it diverged.
         truth: the right states, ``(times, *state)``.
+        changes: 2 to look for two changes at once, which takes longer, where no program with at
+            most 1 computes them.
 
     Returns:
         Programs of one method, with the same number of changes, between which the runs cannot
-        decide; none if no method of `METHODS`, with at most two changes, and none of `MISTAKEN`
+        decide; none if no method of `METHODS`, with so many changes, and none of `MISTAKEN`
         computes them.
     """
     if not has_rope_forces(problem):
@@ -389,17 +393,19 @@ def programs_of(problem: Problem, runs: Runs, truth: np.ndarray) -> tuple[Progra
     ]
     methods = METHODS[kind]
     mistaken = MISTAKEN if kind == "springs" else ()
-    searches: Sequence[tuple[tuple[Method, ...], Callable[[Method], list[Program]]]] = (
-        (methods, lambda method: _programs(method, right, longer, _Run.by_number)),
-        (methods, lambda method: _programs(method, right, longer, _Run.added_up)),
-        (mistaken, lambda method: _programs(method, right, known, _Run.by_number)),
-        (methods, lambda method: _programs(method, mistakes, known, _Run.by_number)),
-        (methods, lambda method: _programs(method, changed, longer, _Run.by_number)),
-        (methods, lambda method: _in_single(method, longer)),
-        (methods, lambda method: _with_two_changes(method, groups, longer)),
-    )
+    searches: dict[int, Sequence[tuple[tuple[Method, ...], Callable[[Method], list[Program]]]]] = {
+        1: (
+            (methods, lambda method: _programs(method, right, longer, _Run.by_number)),
+            (methods, lambda method: _programs(method, right, longer, _Run.added_up)),
+            (mistaken, lambda method: _programs(method, right, known, _Run.by_number)),
+            (methods, lambda method: _programs(method, mistakes, known, _Run.by_number)),
+            (methods, lambda method: _programs(method, changed, longer, _Run.by_number)),
+            (methods, lambda method: _in_single(method, longer)),
+        ),
+        2: ((methods, lambda method: _with_two_changes(method, groups, longer)),),
+    }
     with np.errstate(all="ignore"):  # Programs that blow up.
-        for of, search in searches:
+        for of, search in searches[changes]:
             found: list[Program] = []
             for method in of:
                 found += search(method)
