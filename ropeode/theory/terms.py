@@ -179,9 +179,13 @@ FACTORS = {
     "is counted twice": 2.0,
     "is counted half": 0.5,
 }
-NUMBERS = tuple(
-    Mistake(words, lambda place, factor=factor: factor) for words, factor in FACTORS.items()
-)
+
+
+def _times(words: str, factor: float) -> Mistake:
+    return Mistake(words, lambda place: factor)
+
+
+NUMBERS = tuple(_times(*each) for each in FACTORS.items())
 _OF_A_FORCE = (
     Mistake("is not divided by the mass", mass),
     Mistake("is divided by the mass twice", lambda place: 1.0 / mass(place)),
@@ -238,7 +242,7 @@ MISTAKES: dict[str, tuple[Mistake, ...]] = {
 
 
 class KnownMistake(NamedTuple):
-    """A mistake of `MISTAKES` or `LAWS` on one rope.
+    """A mistake of `MISTAKES`, `NUMBERS` or `LAWS` on one rope.
 
     Fields:
         kind: of the term.
@@ -254,7 +258,10 @@ class KnownMistake(NamedTuple):
 
 
 def known_mistakes(args: Any) -> list[KnownMistake]:
-    """The mistakes that change the motion of a rope; of those that change it alike the first.
+    """The mistakes that change the motion of a rope.
+
+    Of those that change it alike the first; but one without a number of its own hides none that is
+    the same number for any rope.
 
     Arguments:
         args: the rope's numbers.
@@ -268,10 +275,14 @@ def known_mistakes(args: Any) -> list[KnownMistake]:
         "damping": {"damping": at_nodes},
         "spring": dict(zip(("first_ends", "second_ends"), at_ends, strict=True)),
         "rest": {"rest": at_ends[0]},
+        "first_ends": {"first_ends": at_ends[0]},
+        "second_ends": {"second_ends": at_ends[1]},
+        "forces": {"forces": at_nodes},
     }
-    found: dict[bytes, KnownMistake] = {}
+    found: dict[tuple[bool, bytes], KnownMistake] = {}
     for kind in places if springs else ("gravity", "damping"):
-        for mistake in MISTAKES[kind]:
+        numbers = _numbers(kind)
+        for mistake in (*MISTAKES.get(kind, ()), *numbers):
             with np.errstate(all="ignore"):  # A length or a damping of zero.
                 values = {
                     name: np.array([mistake.factor(place) for place in at])
@@ -283,7 +294,7 @@ def known_mistakes(args: Any) -> list[KnownMistake]:
                 continue
             own = np.concatenate([part for part in effect if not np.all(part == 1.0)])
             number = float(own[0]) if np.ptp(own) <= _SAME * abs(own[0]) else None
-            key = np.round(changed, 12).tobytes()
+            key = mistake in numbers, np.round(changed, 12).tobytes()
             found.setdefault(key, KnownMistake(kind, mistake.words, values, number))
     laws = [
         KnownMistake(law.kind, law.words, {name: np.ones(1)})
@@ -291,6 +302,15 @@ def known_mistakes(args: Any) -> list[KnownMistake]:
         if (springs if law.kind == "spring" else np.any(args.damping))
     ]
     return [*found.values(), *laws]
+
+
+def _numbers(kind: str) -> tuple[Mistake, ...]:
+    """Those of `NUMBERS` that make sense: a mass divides the forces, and is positive."""
+    if kind not in ("mass", "forces"):
+        return NUMBERS
+    inverse = {words: 1.0 / factor for words, factor in FACTORS.items() if factor > 0.0}
+    rest = {words: factor for words, factor in FACTORS.items() if factor <= 0.0}
+    return tuple(map(_times, *zip(*(inverse if kind == "mass" else rest).items(), strict=True)))
 
 
 def _effect(args: Any, values: Mapping[str, np.ndarray]) -> list[np.ndarray]:

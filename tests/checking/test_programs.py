@@ -68,6 +68,14 @@ MISTAKES = [
     ("moving", {"spring_times": lambda _, stretch: stretch > 0}, "parameters", "is shorter than"),
     ("moving", {**BY_TAYLOR, "kept": 0.999}, "damping-per-step", "keeps 0.999 of"),
     ("moving", {"method": frozen}, "method", "takes the acceleration of the start for both"),
+    # Two at once, of which none is a number, and one in the method.
+    (
+        "moving",
+        {"masses_that_divide": 0, "drag_times": speed},
+        "parameters",
+        "the mass is left out: forces are not divided by it; and the damping grows with the square",
+    ),
+    ("moving", {"method": frozen, "gravity": -1.0}, "parameters", "With this change, velocity V"),
 ]
 
 

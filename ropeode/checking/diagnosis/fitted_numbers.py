@@ -10,15 +10,12 @@ import numpy as np
 from ropeode.checking.diagnosis.fitted_terms import Fit, Group
 from ropeode.checking.simple_numbers import shortest
 from ropeode.problems import Problem
-from ropeode.theory import TermPlace
-from ropeode.theory.terms import MISTAKES, NUMBERS, TERMS
+from ropeode.theory.terms import FACTORS, MISTAKES, TERMS, KnownMistake, known_mistakes
 from ropeode.validation import listed
 
 # A larger spread than this part of a number is too much to guess what the number is exactly.
 _LARGEST_SPREAD = 1e-2
 _DIGITS_SHOWN = 4
-# How closely factors at several places are the same.
-_SAME = 1e-12
 _WORDS = {"rest_length": "rest length", "velocity": "initial velocity"}
 # The terms in which a mistake looks like another parameter.
 _KINDS = {"stiffness": "spring", "rest_length": "rest"}
@@ -186,19 +183,16 @@ def named_mistakes(problem: Problem, number: Number) -> list[NamedMistake]:
     off = np.abs(claimed - fitted) > spread
     if not number.is_precise or not np.any(off):
         return []
-    kind = _KINDS.get(number.name, number.name)
-    if kind not in MISTAKES:
-        return []
-    found = []
-    for mistake in (*MISTAKES[kind], *NUMBERS):
-        factors = [mistake.factor(place) for place in _places(problem, kind)]
-        if not np.allclose(factors, factors[0], rtol=_SAME, atol=0.0):
+    kind, found = _KINDS.get(number.name, number.name), []
+    of_start = [KnownMistake("velocity", words, {}, factor) for words, factor in FACTORS.items()]
+    for mistake in (*known_mistakes(problem.args), *of_start):
+        if mistake.kind != kind or mistake.number is None:
             continue
         # All forces are divided by the mass.
-        factor = factors[0] if number.name != "mass" else 1.0 / (factors[0] or np.nan)
+        factor = mistake.number if kind != "mass" else 1.0 / (mistake.number or np.nan)
         value = claimed * factor
         subject = TERMS[kind].name
-        if number.name == "gravity" and not np.all(off[claimed != 0.0]):
+        if kind == "gravity" and not np.all(off[claimed != 0.0]):
             subject = (
                 f"the {listed('xyz'[axis] for axis in np.flatnonzero(off))} component of gravity"
             )
@@ -206,18 +200,3 @@ def named_mistakes(problem: Problem, number: Number) -> list[NamedMistake]:
         if np.all(np.abs(value - fitted) <= spread):
             found.append(NamedMistake(f"{subject} {mistake.words}", TERMS[kind].remedy, value))
     return found
-
-
-def _places(problem: Problem, kind: str) -> list[TermPlace]:
-    """Where the terms of a kind stand."""
-    args = problem.args
-    nodes = np.flatnonzero(args.free)
-    if kind not in ("spring", "rest"):
-        return [TermPlace(args, int(node), int(node)) for node in nodes]
-    last = len(args.stiffness) - 1
-    return [
-        TermPlace(args, int(node), int(spring))
-        for node in nodes
-        for spring in (node - 1, node)
-        if 0 <= spring <= last
-    ]

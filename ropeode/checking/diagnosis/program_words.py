@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ropeode.checking.diagnosis.limits import Runs
+from ropeode.checking.diagnosis.methods import MISTAKEN
 from ropeode.checking.diagnosis.programs import (
     KEPT,
     Program,
@@ -95,7 +96,8 @@ def diagnose_program(
         "frames": program.frames,
         "misfit": program.misfit,
     }
-    change = "these changes" if program.also else "this change"
+    several = program.also or len(program.mistakes) > 1
+    change = "these changes" if several else "this change"
     line = (
         f"{words}. With {change}, {program.method.name} reproduces the positions in the files "
         f"{same}"
@@ -105,9 +107,8 @@ def diagnose_program(
 
 def _terms_of(change: Program) -> list[dict[str, Any]]:
     """The terms that one change is about, as evidence."""
-    if change.mistake:
-        name = TERMS[change.mistake.kind].name
-        return [{"term": name, "mistake": change.mistake.words}]
+    if change.mistakes:
+        return [{"term": TERMS[e.kind].name, "mistake": e.words} for e in change.mistakes]
     found = [*change.found.values()]
     return [
         {"term": TERMS[name].name, "expected": TERMS[name].expected, "found": found}
@@ -150,17 +151,19 @@ def _said(program: Program, problem: Problem) -> tuple[str, str, str]:
     if program.single:
         words = "a part of the force, such as the length of a spring, is in single precision"
         mistakes.append(("float32", words, "compute in double precision throughout"))
-    if program.changed:
+    for known in program.mistakes:
+        term = TERMS[known.kind]
+        mistakes.append(("parameters", f"{term.name} {known.words}", term.remedy))
+    if program.changed and not program.mistakes:
         mistakes += [_changed(each, problem) for each in program.changes]
     causes, words, remedies = zip(*mistakes, strict=True)
-    return causes[0], "; and ".join(words), "; ".join(remedies)
+    # The line about what reproduces the positions names its slip.
+    slip = program.method.remedy if program.method in MISTAKEN else ""
+    return causes[0], "; and ".join(words), "; ".join(filter(None, (*remedies, slip)))
 
 
 def _changed(program: Program, problem: Problem) -> tuple[str, str, str]:
-    """The same of the terms that are changed."""
-    if program.mistake:
-        term = TERMS[program.mistake.kind]
-        return "parameters", f"{term.name} {program.mistake.words}", term.remedy
+    """The same of terms with another number."""
     values, exponent = np.array([*program.found.values()]), power(program) or 0.0
     value = float(values[0])
     if exponent == 0.0:

@@ -9,6 +9,7 @@ computed as they are.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
@@ -111,7 +112,7 @@ class Program(NamedTuple):
         forgets_velocity: whether it begins at rest, and should not.
         extra: the first frame in which it makes a step too many, by step size.
         single: whether lengths in single precision explain the difference.
-        mistake: a known one that changes these terms, in place of a number that was found.
+        mistakes: known ones that change these terms, in place of a number that was found.
         also: the same with a second change.
     """
 
@@ -124,7 +125,7 @@ class Program(NamedTuple):
     forgets_velocity: bool = False
     extra: dict[float, int] = {}  # noqa: RUF012  (nobody changes it)
     single: bool = False
-    mistake: KnownMistake | None = None
+    mistakes: tuple[KnownMistake, ...] = ()
     also: Program | None = None
 
     @property
@@ -298,16 +299,30 @@ class _Run:
 
 
 class _Guess(NamedTuple):
-    """Terms that may be wrong, and their value, or a known mistake that has none."""
+    """Terms that may be wrong, and their value, or known mistakes in its place."""
 
     changed: tuple[str, ...]
     value: float
-    mistake: KnownMistake | None = None
+    mistakes: tuple[KnownMistake, ...] = ()
+
+    @classmethod
+    def of(cls, *mistakes: KnownMistake) -> _Guess:
+        """That all of these were made."""
+        changed = dict.fromkeys(name for each in mistakes for name in each.values)
+        return cls((*changed,), math.nan, mistakes)
 
     @property
     def is_number(self) -> bool:
         """Whether the value is to be found."""
-        return bool(self.changed) and self.mistake is None
+        return bool(self.changed) and not self.mistakes
+
+    def values(self) -> dict[str, Any]:
+        """Of the changed terms."""
+        found: dict[str, Any] = dict.fromkeys(self.changed, 1.0 if self.mistakes else self.value)
+        for mistake in self.mistakes:
+            for name, value in mistake.values.items():
+                found[name] = found[name] * value
+        return found
 
 
 _RIGHT = _Guess((), math.nan)
@@ -317,9 +332,7 @@ def _terms(guesses: Sequence[_Guess], values: np.ndarray) -> Terms:
     """The terms of a copy of a program for each guess, with its value."""
     terms = right_terms(len(guesses))
     for copy, guess in enumerate(guesses):
-        known = guess.mistake.values if guess.mistake else {}
-        for name in guess.changed:
-            value = known.get(name, values[copy])
+        for name, value in guess._replace(value=values[copy]).values().items():
             if np.ndim(value) > terms[name].ndim - 1:
                 terms[name] = np.repeat(terms[name][:, None], np.size(value), axis=1)
             terms[name][copy] = value
@@ -349,8 +362,8 @@ def programs_of(
         problem: a rope, with springs or with rigid links.
         runs: step size and states of each; not-a-number from where it diverged.
         truth: the right states, ``(times, *state)``.
-        changes: 2 to look for two changes at once, which takes longer, where no program with at
-            most 1 computes them.
+        changes: 2 to look for two changes at once, of which one may be a slip in the method, where
+            no program with at most 1 computes them; this takes longer.
 
     Returns:
         Programs of one method, with the same number of changes, between which the runs cannot
@@ -377,11 +390,10 @@ def programs_of(
     longer = [run for run in known if run.frames >= _FEWEST_FRAMES]
     longer = longer if len(longer) >= _FEWEST_RUNS else []
     right, changed = [_RIGHT], [_RIGHT]
-    mistakes = [
-        _Guess(tuple(each.values), math.nan, each)
-        for each in known_mistakes(problem.args)
-        if each.number is None
-    ]
+    every = known_mistakes(problem.args)
+    single = [_Guess.of(each) for each in every]
+    mistakes = [each for each in single if each.mistakes[0].number is None]
+    both = [_Guess.of(*each) for each in itertools.combinations(every, 2)]
     for terms in CHANGES:
         if kind == "springs" or not {*terms} & _OF_SPRINGS:
             changed += [_Guess(terms, start) for start in TERMS[terms[0]].starts]
@@ -402,7 +414,11 @@ def programs_of(
             (methods, lambda method: _programs(method, changed, longer, _Run.by_number)),
             (methods, lambda method: _in_single(method, longer)),
         ),
-        2: ((methods, lambda method: _with_two_changes(method, groups, longer)),),
+        2: (
+            (methods, lambda method: _programs(method, both, known, _Run.by_number)),
+            (mistaken, lambda method: _programs(method, single, known, _Run.by_number)),
+            (methods, lambda method: _with_two_changes(method, groups, longer)),
+        ),
     }
     with np.errstate(all="ignore"):  # Programs that blow up.
         for of, search in searches[changes]:
@@ -448,7 +464,7 @@ def power(program: Program) -> float | None:
         dt, and so on; None if it follows no power, or vanishes with dt as the error of a method
         does, which is no mistake.
     """
-    if not program.changed or program.mistake:
+    if not program.changed or program.mistakes:
         return 0.0
     name = program.changed[0]
     dts, values = (np.array(each) for each in zip(*program.found.items(), strict=True))
@@ -494,15 +510,14 @@ def _programs(
     # The first start from which a change is found is enough.
     different: dict[tuple, tuple[_Guess, float]] = {}
     for guess, misfit in first:
-        different.setdefault(
-            (guess.changed, guess.mistake and guess.mistake.words), (guess, misfit)
-        )
+        said = ((each.kind, each.words) for each in guess.mistakes)
+        different.setdefault((guess.changed, *said), (guess, misfit))
     found = []
     for guess, misfit in different.values():
         values = _followed(method, guess, runs, counts)
         if values is not None:
             known = Program(method, guess.changed, values, misfit, runs[0].frames, extra=extra)
-            found.append(known._replace(mistake=guess.mistake))
+            found.append(known._replace(mistakes=guess.mistakes))
     return found
 
 
