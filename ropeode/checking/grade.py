@@ -20,6 +20,7 @@ from ropeode.checking.energy_drift import at_rest, measure_drift
 from ropeode.checking.report import CheckReport, Claims, Diagnosis, Finding, exactly
 from ropeode.checking.trajectories.checked_runs import checked_runs
 from ropeode.checking.trajectories.convergence import order_finding
+from ropeode.checking.trajectories.departures import departure
 from ropeode.checking.trajectories.explanations import (
     Explanation,
     explain,
@@ -140,8 +141,12 @@ def grade(
         fewer = changes > 1 and program() is not None
         return None if fewer else _program(reference, runs, changes)
 
+    @functools.cache
+    def departs() -> Diagnosis | None:
+        return departure(reference, known)
+
     own_files = Files(files, own, dts)
-    order, notes = _order(reference, runs, own_files, claims, expected, other, program)
+    order, notes = _order(reference, runs, own_files, claims, expected, other, departs, program)
     findings = (
         Finding("initial-state", "pass", f"the first sample is the initial state {exactly(off)}"),
         order,
@@ -161,7 +166,7 @@ def grade(
         if wrong and late is None and mistake and _refutes(mistake, claims, expected):
             diagnosis = (mistake,)
         elif wrong:
-            causes = (expected, late, other, program, start)
+            causes = (expected, late, other, departs, program, start)
             diagnosis = _diagnosed(reference, known, own_files, order, *causes)
         elif late is not None and _is_unintended(late, order):
             # No claim is refuted, but such a program is hardly intended.
@@ -184,6 +189,7 @@ def _order(
     claims: Claims,
     expected: int | None,
     other: Callable[[], Diagnosis | None],
+    departs: Callable[[], Diagnosis | None],
     program: Callable[..., Diagnosis | None],
 ) -> tuple[Finding, tuple[str, ...]]:
     """The verdict on convergence; no order is needed if a mistake in the files explains all."""
@@ -214,6 +220,8 @@ def _order(
             return Finding("order", "fail", f"no order; {written.words}"), ()
         if other() is not None:
             return Finding("order", "fail", "no order; the files fit another rope"), ()
+        if (later := departs()) is not None:
+            return Finding("order", "fail", f"no order; {later.line}", later.evidence), ()
     # Of all changes to the program, two at once take the longest to find.
     if (named := program(2)) is not None:
         evidence = {**finding.evidence, **named.evidence}
@@ -337,6 +345,7 @@ def _diagnosed(
     expected: int | None,
     late: Diagnosis | None,
     other: Callable[[], Diagnosis | None],
+    departs: Callable[[], Diagnosis | None],
     program: Callable[..., Diagnosis | None],
     start: Callable[[ObservedOrder], Diagnosis | None],
 ) -> tuple[Diagnosis, ...]:
@@ -348,6 +357,8 @@ def _diagnosed(
         return (_of_files(written),)
     if (rope := other()) is not None:
         return (rope,)
+    if (later := departs()) is not None:
+        return (later,)
     if (both := program(2)) is not None:
         return (_or_so_written(reference, runs, both),)
     orders = {} if order.convergence is None else order.convergence.orders

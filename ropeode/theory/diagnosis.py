@@ -17,7 +17,8 @@ class Diagnosis:
     Arguments:
         cause: a keyword, such as `parameters`, `start`, `lagged-damping`,
             `damping-per-step`, `stage-time`, `in-place`, `float32`, `step-size`,
-            `forces-add-up`, `fixed-node`, `extra-step`, `method`, `unknown`.
+            `forces-add-up`, `fixed-node`, `extra-step`, `departure`, `method`,
+            `unknown`.
         line: a sentence for the author.
         evidence: the numbers behind it, as plain JSON values.
         remedy: what to write instead; empty where that is not known.

@@ -11,7 +11,10 @@ from written_programs import (
     kick_drift_kick,
     kutta3,
     midpoint,
+    on_a_floor,
+    rk4,
     semi_implicit,
+    slowed_down,
     speed,
 )
 
@@ -67,6 +70,8 @@ MISTAKES = [
     ("moving", {"spring_times": lambda length, _: length}, "parameters", "no unit vector"),
     ("moving", {"spring_times": lambda _, stretch: stretch > 0}, "parameters", "is shorter than"),
     ("moving", {**BY_TAYLOR, "kept": 0.999}, "damping-per-step", "keeps 0.999 of"),
+    ("moving", {"method": midpoint, "afterwards": on_a_floor}, "departure", "node 4 departs"),
+    ("moving", {"method": rk4, "afterwards": slowed_down}, "departure", "is never above 4,"),
     ("moving", {"method": frozen}, "method", "takes the acceleration of the start for both"),
     # Two at once, of which none is a number, and one in the method.
     (

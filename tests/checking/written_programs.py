@@ -54,6 +54,15 @@ def rk4(a, x, v, dt):
     return x + dt / 6 * (v1 + 2 * v2 + 2 * v3 + v4), v + dt / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
 
 
+def on_a_floor(x, v):
+    low = x[:, 1] < 146.0
+    return np.where(low[:, None] & [False, True], 146.0, x), np.where(low[:, None], 0.0, v)
+
+
+def slowed_down(x, v):
+    return x, v * 4.0 / np.maximum(speed(v, 1.0), 4.0)
+
+
 def speed(v, mass):
     return np.linalg.norm(v, axis=1, keepdims=True)
 
@@ -90,6 +99,7 @@ class Program:
     counts_by_time: bool = False
     line_between_steps: bool = False
     exact_damping: bool = False
+    afterwards: Callable = lambda x, v: (x, v)
 
     def acceleration(self, x, v, dt):
         args = self.problem.args
@@ -146,7 +156,7 @@ class Program:
         of_step = self.method(
             lambda x, v: self.acceleration(x, v, dt), x, self.number(self.kept) * v, dt
         )
-        return *of_step, x
+        return *self.afterwards(*of_step), x
 
     def run(self, n):
         """Positions and velocities at the frames, ``(times, nodes, 4)``."""

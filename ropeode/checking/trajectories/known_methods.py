@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -48,7 +48,7 @@ _LIKELY = (
 _ALIKE, _BEGINS, _SAME, _OF_ERRORS = 0.01, 0.1, 1e-9, 1e-3
 # The first frame tells most steppers apart. Up to so many steps, Python has it before a run is
 # compiled.
-_MOST_IN_PYTHON = 2048
+MOST_IN_PYTHON = 2048
 # How far from a whole number the steps in a frame may be, by rounding of dt.
 WHOLE = 1e-3
 
@@ -116,23 +116,39 @@ def _actors(problem: Problem, columns: int) -> list[list[Actor]]:
     ]
 
 
+def beginning_so(
+    problem: Problem, runs: Sequence[Run], agrees: Callable[[np.ndarray], bool]
+) -> Iterator[list[Actor]]:
+    """Steppers that begin like runs, as they are to be tried: those first that most people write.
+
+    Arguments:
+        problem: of the runs.
+        runs: from coarse to fine.
+        agrees: whether states ``(2, *state)`` at the ends of the first frame are like those of the
+            first run, unless that has too many steps in it.
+    """
+    counts, one = steps_per_frame(runs), step_size(problem, 1)
+    if any(abs(one / run.dt - n) > WHOLE for run, n in zip(runs, counts, strict=True)):
+        return
+    for actors in _actors(problem, runs[0].values.shape[2]):
+        yield [
+            actor
+            for actor in actors
+            if counts[0] > MOST_IN_PYTHON or agrees(actor.beginning(counts[0]))
+        ]
+
+
 def like_steppers(reference: Reference, runs: Sequence[Run]) -> list[Actor]:
     """Steppers whose positions are like those of all runs; none where no run is finite."""
     if not runs:
         return []
-    problem, counts = reference.problem, steps_per_frame(runs)
-    one = step_size(problem, 1)
-    if any(abs(one / run.dt - n) > WHOLE for run, n in zip(runs, counts, strict=True)):
-        return []
-    for actors in _actors(problem, runs[0].values.shape[2]):
+    counts = steps_per_frame(runs)
+    begins = functools.partial(_alike, reference, runs[0], part=_BEGINS)
+    for actors in beginning_so(reference.problem, runs, begins):
         found = [
             actor
             for actor in actors
-            if (
-                counts[0] > _MOST_IN_PYTHON
-                or _alike(reference, runs[0], actor.beginning(counts[0]), _BEGINS)
-            )
-            and all(
+            if all(
                 (made := actor.run(n)) is not None and _alike(reference, run, made.states)
                 for run, n in zip(runs, counts, strict=True)
             )

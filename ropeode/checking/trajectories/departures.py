@@ -1,0 +1,343 @@
+"""Runs that are those of a known method up to a frame, and then something else."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import jax
+import numpy as np
+
+from ropeode.analysis import distances, moved
+from ropeode.checking.diagnosis.rope_forces import has_rope_forces
+from ropeode.checking.report import Diagnosis
+from ropeode.checking.simple_numbers import shortest
+from ropeode.checking.trajectories.known_methods import (
+    MOST_IN_PYTHON,
+    Actor,
+    beginning_so,
+    steps_per_frame,
+)
+from ropeode.checking.trajectories.layout import samples_of
+from ropeode.checking.trajectories.run_files import Run, finite
+from ropeode.norms import NORMS
+from ropeode.precision import in_float64
+from ropeode.problems import Problem
+from ropeode.problems.nested_jaxprs import equations
+from ropeode.references import Reference
+from ropeode.theory import is_rope
+from ropeode.validation import listed
+
+# Positions are the same if they differ by this part of the motion, or by so many times the rounding
+# of their digits, if those tell enough.
+_SAME, _OF_ROUNDING, _FEWEST_DIGITS = 1e-9, 4.0, 1e-5
+# They depart if they differ by this part of the motion in the next frame, and by so many times what
+# any difference before can have grown to.
+_DEPARTS, _OF_GROWTH = 1e-4, 1e3
+# So many runs must do so, with step sizes so far apart.
+_FEWEST_RUNS, _APART = 2, 1.9
+# A frame in which they are the same, and one in which they are not, after the initial state.
+_FEWEST_FRAMES = 3
+# The finest of them must then be farther from the solution than the method, so many times.
+_WORSE = 3.0
+# A method is known by its errors, of which so much may be something else.
+_OF_ERRORS = 1e-3
+# What depends on the time, places or velocities later must have done so before, by this part. Two
+# methods may be the same as long as nothing does.
+_ACTIVE, _CHANGE = 1e-4, 1e-6
+# Of these a right-hand side without corners consists: two methods may take a corner differently.
+_SMOOTH = {
+    *("add", "add_any", "cos", "cosh", "cumsum", "div", "dot_general", "exp", "integer_pow", "log"),
+    *("mul", "neg", "pow", "reduce_sum", "rsqrt", "sin", "sinh", "sqrt", "square", "sub", "tan"),
+    *("tanh", "broadcast_in_dim", "concatenate", "convert_element_type", "copy", "dynamic_slice"),
+    *("expand_dims", "jit", "pad", "pjit", "reshape", "rev", "slice", "split", "squeeze", "stack"),
+    "transpose",
+}
+# No difference of float64 is smaller, as a part of the motion.
+_LAST_BIT = 1e-16
+_SEED = 1
+_MOST_SAID = 3
+_REMEDY = (
+    "look for what acts only at times, such as `if (y < floor)`, a largest speed or length, or a "
+    "threshold below which nodes rest; leave it out, or put it into the problem"
+)
+
+
+class _Departure(NamedTuple):
+    """A run that departs from a method.
+
+    Fields:
+        run: from a file.
+        made: the same of the method.
+        frame: the first one in which they differ.
+        apart: by how much there, as a part of the motion.
+        before: the largest difference in earlier frames.
+        same: how closely positions agree that are the same.
+        node: that has departed farthest there.
+        later: the largest difference in each frame.
+    """
+
+    run: Run
+    made: Run
+    frame: int
+    apart: float
+    before: float
+    same: float
+    node: int
+    later: np.ndarray
+
+
+def departure(reference: Reference, runs: Sequence[Run]) -> Diagnosis | None:
+    """Something that acts only later in the motion.
+
+    Arguments:
+        reference: of the problem.
+        runs: from coarse to fine.
+
+    Returns:
+        The cause `departure` if the runs are to rounding those of a method over the first frames
+        and all at once far from them; None if they do so by growth of rounding, or with dt.
+    """
+    known = finite(runs)
+    if not known or steps_per_frame(known)[0] > MOST_IN_PYTHON:
+        return None
+    first = known[0]
+
+    def begins(made: np.ndarray) -> bool:
+        parts = _apart(reference, first, samples_of(first.problem, made))
+        return parts is not None and bool(np.max(parts[0]) <= parts[1])
+
+    for actors in beginning_so(reference.problem, known, begins):
+        found = {actor.name: each for actor in actors if (each := _of(reference, known, actor))}
+        departed = min((each.frame for runs in found.values() for each in runs), default=0)
+        if found and _acts_before(
+            reference.problem, reference.states[: reference.trusted], departed
+        ):
+            return _diagnosis(reference, [*found], next(iter(found.values())))
+    return None
+
+
+def _of(reference: Reference, runs: Sequence[Run], actor: Actor) -> list[_Departure]:
+    """The runs that depart from a stepper; none where that is not certain."""
+    found: list[_Departure] = []
+    for run, steps in zip(runs, steps_per_frame(runs), strict=True):
+        made = actor.run(steps)
+        apart = None if made is None else _apart(reference, run, made.values)
+        if made is None or apart is None:
+            found = []
+            continue
+        parts, same = apart
+        if np.max(parts[1]) > same:
+            return []
+        departed = np.flatnonzero(np.max(parts, axis=1) > same)
+        if not len(departed) or not _is_sudden(reference, actor, steps, parts, same):
+            found = []
+            continue
+        frame = int(departed[0])
+        largest = np.max(parts, axis=1)
+        found.append(
+            _Departure(
+                run,
+                made,
+                frame,
+                float(largest[frame]),
+                float(np.max(largest[:frame])),
+                same,
+                int(np.argmax(parts[frame])),
+                largest,
+            )
+        )
+    return found if _is_certain(reference, found) else []
+
+
+def _apart(reference: Reference, run: Run, made: np.ndarray) -> tuple[np.ndarray, float] | None:
+    """How far runs are apart, and how closely the same ones agree, as parts of the motion.
+
+    Arguments:
+        reference: of the problem.
+        run: from a file.
+        made: the values of another run, or the first of them.
+
+    Returns:
+        ``(samples, nodes)``, up to the trust horizon and before the right-hand side jumps, where a
+        right program may take the step to either side; None if the digits tell too little.
+    """
+    problem = reference.problem
+    end = reference.trusted
+    if len(problem.jump_times):
+        end = min(end, int(np.searchsorted(problem.ts, np.min(problem.jump_times))))
+    way = moved(reference, NORMS[f"{problem.quantities[0]}-max"])
+    rounding = float(np.max(run.rounding[: run.layout.dim]))
+    same = max(_SAME, _OF_ROUNDING * rounding / way) if way else np.inf
+    if end < _FEWEST_FRAMES or same > _FEWEST_DIGITS:
+        return None
+    end, dim = min(end, len(made)), run.layout.dim
+    return np.max(np.abs(run.values[:end, :, :dim] - made[:end, :, :dim]), axis=2) / way, same
+
+
+def _is_sudden(
+    reference: Reference, actor: Actor, steps: int, parts: np.ndarray, same: float
+) -> bool:
+    """Whether no rounding can have grown so far, as another run shows that begins near by."""
+    problem, largest = reference.problem, np.max(parts, axis=1)
+    frame = int(np.argmax(largest > same))
+    if largest[frame] < max(_DEPARTS, _OF_GROWTH * same):
+        return False
+    way = moved(reference, NORMS[f"{problem.quantities[0]}-max"])
+    change = same * way * np.random.default_rng(_SEED).standard_normal(problem.y0.shape)
+    if problem.mechanics is not None:
+        change[1] /= problem.ts[1] - problem.ts[0]
+    near = problem.with_numbers(problem.y0 + change, problem.args, problem.parameters)
+    shaken, made = Actor(actor.name, near, actor.columns).run(steps), actor.run(steps)
+    if shaken is None or made is None:
+        return False
+    grown = np.max(np.abs(shaken.values - made.values)[..., : made.layout.dim], axis=(1, 2)) / way
+    growth = grown[frame] / max(float(np.min(grown[:frame])), _LAST_BIT)
+    return bool(largest[frame] > _OF_GROWTH * same * max(growth, 1.0))
+
+
+def _is_certain(reference: Reference, found: Sequence[_Departure]) -> bool:
+    """Whether the departures do not vanish with dt, as those of another right program would.
+
+    It is no matter of steps that are short only now and then, or of a branch taken a step later.
+    """
+    if len(found) < _FEWEST_RUNS or found[0].run.dt < _APART * found[-1].run.dt:
+        return False
+    norm, first, last = NORMS[f"{reference.problem.quantities[0]}-max"], found[0], found[-1]
+    own, right, coarse = (
+        distances(run.states, reference, norm) for run in (last.run, last.made, first.made)
+    )
+    blown_up = coarse > moved(reference, norm)
+    end = int(np.argmax(blown_up)) if blown_up.any() else len(last.later)
+    frames = slice(max(each.frame for each in found), min(end, len(last.later)))
+    if frames.stop <= frames.start:
+        return False
+    far, near = (float(np.max(each.later[frames])) for each in (first, last))
+    worse = own > _WORSE * np.maximum.accumulate(right)
+    return (
+        near >= far * np.sqrt(last.run.dt / first.run.dt)
+        and bool(np.any(worse[frames]))
+        and all(_is_known(reference, each) for each in found)
+    )
+
+
+def _is_known(reference: Reference, found: _Departure) -> bool:
+    """Whether the method is known by its errors before the departure, or has none at all."""
+    norm = NORMS[f"{reference.problem.quantities[0]}-max"]
+    way = moved(reference, norm)
+    before = distances(found.run.states, reference, norm)[: found.frame] / way
+    exact = np.max(distances(found.made.states, reference, norm)) <= found.same * way
+    return bool(found.before <= _OF_ERRORS * np.max(before) or exact)
+
+
+@in_float64
+def _acts_before(problem: Problem, states: np.ndarray, frame: int) -> bool:
+    """Whether no part of the right-hand side begins to act, or has a corner, as late as a frame.
+
+    Arguments:
+        problem: whose right-hand side it is.
+        states: its solution, ``(times, *state)``.
+        frame: in which a run departs from a method.
+    """
+    if problem.in_python:
+        return False
+    traced = jax.make_jaxpr(problem.rhs)(problem.ts[0], problem.y0, problem.args)
+    # Rigid links ask which ends are free.
+    rigid = has_rope_forces(problem) and not is_rope(problem)
+    if not (rigid or {each.primitive.name for each in equations(traced)} <= _SMOOTH):
+        return False
+    ts = problem.ts[: len(states)]
+    # The time, and the positions and the velocities, or the whole state.
+    near = [(ts + _CHANGE * np.ptp(ts), states)]
+    change = _CHANGE * np.random.default_rng(_SEED).standard_normal(problem.y0.shape)
+    for half in range(len(problem.quantities)):
+        own = (slice(None), half) if problem.mechanics is not None else ...
+        changed = states.copy()
+        changed[own] += (change * np.ones_like(states))[own] * np.max(np.abs(states[own]))
+        near.append((ts, changed))
+    rhs = jax.vmap(problem.rhs, (0, 0, None))
+    slopes = np.array(rhs(ts, states, problem.args))
+    acts = np.abs([np.array(rhs(*each, problem.args)) - slopes for each in near])
+    before, ever = np.max(acts[:, :frame], axis=1), np.max(acts, axis=1)
+    return bool(np.all(before >= _ACTIVE * ever))
+
+
+def _diagnosis(
+    reference: Reference, names: Sequence[str], found: Sequence[_Departure]
+) -> Diagnosis:
+    """The departures in words."""
+    ts = reference.problem.ts
+    before, frame = (pick(each.frame for each in found) for pick in (min, max))
+    misfit, apart = (max(getattr(each, name) for each in found) for name in ("before", "apart"))
+    nodes = list(dict.fromkeys(each.node for each in found))
+    limits = [*_limits(found)]
+    who = (
+        f"node {nodes[0]} departs" if len(nodes) == 1 else f"nodes {listed(map(str, nodes))} depart"
+    )
+    who = who if found[0].run.layout.nodes > 1 else "they depart"
+    when = (
+        f"at t = {ts[frame]:g}" if frame == before else f"from t = {ts[before]:g} to {ts[frame]:g}"
+    )
+    to = f"to {misfit:.1g} of the motion" if misfit else "exactly"
+    dts = [each.run.dt for each in found]
+    of = f"with dt from {dts[0]:.4g} to {dts[-1]:.4g}"
+    line = (
+        f"the positions are those of {listed(names)}, {to}, up to t = {ts[before - 1]:g}; {when}, "
+        f"{who} from them by up to {apart:.2g} of the motion, {of}, and not by the growth of "
+        "rounding: "
+    )
+    if limits:
+        words = [f"{name} is never {side} {value:g}" for name, side, value in limits[:_MOST_SAID]]
+        line += f"in these files {listed(words)}, as nothing in the problem demands"
+    else:
+        line += (
+            "something acts there that is not in the problem, such as a floor, a largest speed or "
+            "a threshold, or a part of it ceases to act"
+        )
+    evidence = {
+        "methods": [*names],
+        "misfit": misfit,
+        "until": float(ts[before - 1]),
+        "departs": {f"{each.run.dt:g}": float(ts[each.frame]) for each in found},
+        "apart": apart,
+        "nodes": nodes,
+        "limits": [{"quantity": a, "never": b, "value": c} for a, b, c in limits],
+    }
+    return Diagnosis("departure", line, evidence, _REMEDY)
+
+
+def _limits(found: Sequence[_Departure]) -> Iterator[tuple[str, str, float]]:
+    """What goes as far in all runs, to rounding, once they have departed; the method goes farther.
+
+    Returns:
+        The quantity, on which side it never is, and of which value.
+    """
+    names = _measured(found[0].run)
+    for name in names:
+        for side, sign in (("above", 1.0), ("below", -1.0)):
+            reached, beyond = [], []
+            for each in found:
+                own, method = (sign * _measured(run)[name] for run in (each.run, each.made))
+                early, late = np.max(own[: each.frame]), np.max(own[each.frame :])
+                reached.append(float(late))
+                beyond.append(bool(np.max(method) > late > early))
+            spread = float(np.ptp(reached))
+            allowed = max(each.same for each in found) * max(map(abs, reached))
+            if all(beyond) and spread <= allowed:
+                yield (
+                    name,
+                    side,
+                    sign * shortest(reached[-1], max(spread, 1e-12 * abs(reached[-1]))),
+                )
+
+
+def _measured(run: Run) -> dict[str, np.ndarray]:
+    """Quantities that a program may limit, each ``(samples, nodes or springs)``."""
+    dim, values = run.layout.dim, run.values
+    columns = run.layout.columns(values.shape[2] > dim)
+    found = {name: values[:, :, i] for i, name in enumerate(columns)}
+    if values.shape[2] > dim:
+        found["the speed"] = np.linalg.norm(values[:, :, dim:], axis=2)
+    if is_rope(run.problem):
+        found["the length of a spring"] = np.linalg.norm(np.diff(values[..., :dim], axis=1), axis=2)
+    return found
