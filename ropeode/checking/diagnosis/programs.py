@@ -63,6 +63,9 @@ _GROWN = 2.0
 # Pairs of changes are many: they are sought in runs with at most so many steps in a frame, with all
 # digits, by so few iterations.
 _MOST_STEPS_OF_PAIRS, _ITERATIONS_OF_PAIRS = 64, 20
+# A method that iterates takes the most time. With more steps in a frame it is tried as it is alone;
+# runs so fine have a limit that shows a change.
+_MOST_STEPS_OF_ITERATIONS = 128
 # Where a change is the same for all step sizes, or proportional to a power of them; and how closely
 # counts of steps are whole.
 _ALIKE = 1e-4
@@ -389,6 +392,9 @@ def programs_of(
     # A number is found in a frame, and another one shows that it is right.
     longer = [run for run in known if run.frames >= _FEWEST_FRAMES]
     longer = longer if len(longer) >= _FEWEST_RUNS else []
+    precise = [run for run in known if run.same <= _SAME]
+    few = [run for run in precise[:1] if run.by_number()[0] <= _MOST_STEPS_OF_PAIRS]
+    of_pairs = precise if few else []
     right, changed = [_RIGHT], [_RIGHT]
     every = known_mistakes(problem.args)
     single = [_Guess.of(each) for each in every]
@@ -404,19 +410,21 @@ def programs_of(
         and name != ("further" if np.any(problem.args.damping) else "damping")
     ]
     methods = METHODS[kind]
+    fine = known[0].by_number()[0] > _MOST_STEPS_OF_ITERATIONS
+    cheap = tuple(each for each in methods if not (fine and each.iterates))
     mistaken = MISTAKEN if kind == "springs" else ()
     searches: dict[int, Sequence[tuple[tuple[Method, ...], Callable[[Method], list[Program]]]]] = {
         1: (
             (methods, lambda method: _programs(method, right, longer, _Run.by_number)),
             (methods, lambda method: _programs(method, right, longer, _Run.added_up)),
             (mistaken, lambda method: _programs(method, right, known, _Run.by_number)),
-            (methods, lambda method: _programs(method, mistakes, known, _Run.by_number)),
-            (methods, lambda method: _programs(method, changed, longer, _Run.by_number)),
+            (cheap, lambda method: _programs(method, mistakes, known, _Run.by_number)),
+            (cheap, lambda method: _programs(method, changed, longer, _Run.by_number)),
             (methods, lambda method: _in_single(method, longer)),
         ),
         2: (
-            (methods, lambda method: _programs(method, both, known, _Run.by_number)),
-            (mistaken, lambda method: _programs(method, single, known, _Run.by_number)),
+            (methods, lambda method: _programs(method, both, of_pairs, _Run.by_number)),
+            (mistaken, lambda method: _programs(method, single, of_pairs, _Run.by_number)),
             (methods, lambda method: _with_two_changes(method, groups, longer)),
         ),
     }
