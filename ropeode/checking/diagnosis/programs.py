@@ -63,8 +63,8 @@ _GROWN = 2.0
 # Pairs of changes are many: they are sought in runs with at most so many steps in a frame, with all
 # digits, by so few iterations.
 _MOST_STEPS_OF_PAIRS, _ITERATIONS_OF_PAIRS = 64, 20
-# A method that iterates takes the most time. With more steps in a frame it is tried as it is alone;
-# runs so fine have a limit that shows a change.
+# A method that iterates takes the most time: it is tried without pairs of changes, and with more
+# steps in a frame without any. Runs so fine have a limit that shows a change.
 _MOST_STEPS_OF_ITERATIONS = 128
 # Where a change is the same for all step sizes, or proportional to a power of them; and how closely
 # counts of steps are whole.
@@ -411,7 +411,8 @@ def programs_of(
     ]
     methods = METHODS[kind]
     fine = known[0].by_number()[0] > _MOST_STEPS_OF_ITERATIONS
-    cheap = tuple(each for each in methods if not (fine and each.iterates))
+    quick = tuple(each for each in methods if not each.iterates)
+    cheap = quick if fine else methods
     mistaken = MISTAKEN if kind == "springs" else ()
     searches: dict[int, Sequence[tuple[tuple[Method, ...], Callable[[Method], list[Program]]]]] = {
         1: (
@@ -423,9 +424,9 @@ def programs_of(
             (methods, lambda method: _in_single(method, longer)),
         ),
         2: (
-            (methods, lambda method: _programs(method, both, of_pairs, _Run.by_number)),
+            (quick, lambda method: _programs(method, both, of_pairs, _Run.by_number)),
             (mistaken, lambda method: _programs(method, single, of_pairs, _Run.by_number)),
-            (methods, lambda method: _with_two_changes(method, groups, longer)),
+            (quick, lambda method: _with_two_changes(method, groups, longer)),
         ),
     }
     with np.errstate(all="ignore"):  # Programs that blow up.
@@ -558,7 +559,7 @@ def _with_two_changes(
     short = [
         run for run in runs if run.same <= _SAME and run.by_number()[0] <= _MOST_STEPS_OF_PAIRS
     ]
-    if not short or method.iterates:
+    if not short:
         return []
     apart = [
         np.max(np.abs(run.misfits(run.motion(method, right_terms(1), run.by_number()))))
