@@ -34,7 +34,9 @@ from tests.checking.written_programs import (
     explicit,
     frozen,
     kick_drift_kick,
+    on_a_floor,
     rk4,
+    slowed_down,
     speed,
 )
 
@@ -109,6 +111,9 @@ CASES = (
     Case("gravity 9.8, and the damping is missing", {"gravity": 9.8, "damping": 0.0},
          rope="thrown, damped"),
     Case("velocity Verlet without the new acceleration", {"method": frozen}, 2, "thrown, damped"),
+    Case("a floor at y = 146", {"afterwards": on_a_floor}),
+    Case("RK4 that keeps speeds below 4", {"method": rk4, "afterwards": slowed_down}, 4,
+         "thrown, damped"),
     Case("RK4 with `while t < end`", {"method": rk4, "counts_by_time": True}, 4,
          steps=(10, 20, 50, 100)),
     Case("RK4, samples by a straight line between steps", {"method": rk4,

@@ -215,13 +215,13 @@ def _order(
         # Half a step may be the error of a method of order 1.
         if late is not None and late.cause != "sample-time":
             return Finding("order", "fail", f"no order; {late.line}", late.evidence), ()
+        if (later := departs()) is not None:
+            return Finding("order", "fail", f"no order; {later.line}", later.evidence), ()
         written = explain(reference, known, files, coarse=False)
         if written is not None and not written.like_another_problem:
             return Finding("order", "fail", f"no order; {written.words}"), ()
         if other() is not None:
             return Finding("order", "fail", "no order; the files fit another rope"), ()
-        if (later := departs()) is not None:
-            return Finding("order", "fail", f"no order; {later.line}", later.evidence), ()
     # Of all changes to the program, two at once take the longest to find.
     if (named := program(2)) is not None:
         evidence = {**finding.evidence, **named.evidence}
@@ -350,15 +350,13 @@ def _diagnosed(
     start: Callable[[ObservedOrder], Diagnosis | None],
 ) -> tuple[Diagnosis, ...]:
     """What is wrong with the files, or what they solve instead of the problem."""
-    if late is not None:
-        return (late,)
+    if (found := late or departs()) is not None:
+        return (found,)
     written = explain(reference, runs, files)
     if written is not None and not written.like_another_problem:
         return (_of_files(written),)
     if (rope := other()) is not None:
         return (rope,)
-    if (later := departs()) is not None:
-        return (later,)
     if (both := program(2)) is not None:
         return (_or_so_written(reference, runs, both),)
     orders = {} if order.convergence is None else order.convergence.orders
@@ -376,11 +374,11 @@ def _diagnosed(
     if written is None:
         return tuple(_with_what_is_right(each, order) for each in solved)
     if solved[0].cause == "unknown":
-        found = _of_files(written)
+        read_so = _of_files(written)
         line = (
-            f"{found.line}; or the program solves the problem with that change, which is the same"
+            f"{read_so.line}; or the program solves the problem with that change, which is the same"
         )
-        return (dataclasses.replace(found, line=line),)
+        return (dataclasses.replace(read_so, line=line),)
     line = f"{solved[0].line}; or, which is the same in the files, {written.line}"
     return (dataclasses.replace(solved[0], line=line), *solved[1:])
 

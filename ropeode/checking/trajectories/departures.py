@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import jax
@@ -57,10 +57,25 @@ _SMOOTH = {
 _LAST_BIT = 1e-16
 _SEED = 1
 _MOST_SAID = 3
+# What samples are of which the last one at least is no news: differences, from the positions in a
+# file, those of the method, and the frame of the departure.
+_AFTERWARDS: dict[str, Callable[[np.ndarray, np.ndarray, int], np.ndarray]] = {
+    "later samples are the method's again, so that this one is only written wrongly": (
+        lambda x, made, frame: x[frame + 1 :] - made[frame + 1 :]
+    ),
+    "from there on each sample is that of one frame earlier": (
+        lambda x, made, frame: (x[frame:] - made[frame - 1 : -1])[1:]
+    ),
+    "from there on each sample is that of one frame later": (
+        lambda x, made, frame: x[frame:-1] - made[frame + 1 :]
+    ),
+    "from there on nothing moves": lambda x, made, frame: (x[frame:] - x[frame - 1])[1:],
+}
 _REMEDY = (
     "look for what acts only at times, such as `if (y < floor)`, a largest speed or length, or a "
     "threshold below which nodes rest; leave it out, or put it into the problem"
 )
+_REWRITE = "print each sample once, after the last step of its frame, and go on to the end"
 
 
 class _Departure(NamedTuple):
@@ -85,6 +100,12 @@ class _Departure(NamedTuple):
     same: float
     node: int
     later: np.ndarray
+
+    @property
+    def positions(self) -> tuple[np.ndarray, np.ndarray]:
+        """Those of the run and the method, as far as the solution is known."""
+        end, dim = len(self.later), self.run.layout.dim
+        return self.run.values[:end, :, :dim], self.made.values[:end, :, :dim]
 
 
 def departure(reference: Reference, runs: Sequence[Run]) -> Diagnosis | None:
@@ -270,7 +291,7 @@ def _diagnosis(
     before, frame = (pick(each.frame for each in found) for pick in (min, max))
     misfit, apart = (max(getattr(each, name) for each in found) for name in ("before", "apart"))
     nodes = list(dict.fromkeys(each.node for each in found))
-    limits = [*_limits(found)]
+    limits, written = [*_limits(found)], _written(reference, found)
     who = (
         f"node {nodes[0]} departs" if len(nodes) == 1 else f"nodes {listed(map(str, nodes))} depart"
     )
@@ -286,7 +307,9 @@ def _diagnosis(
         f"{who} from them by up to {apart:.2g} of the motion, {of}, and not by the growth of "
         "rounding: "
     )
-    if limits:
+    if written:
+        line += written
+    elif limits:
         words = [f"{name} is never {side} {value:g}" for name, side, value in limits[:_MOST_SAID]]
         line += f"in these files {listed(words)}, as nothing in the problem demands"
     else:
@@ -303,7 +326,20 @@ def _diagnosis(
         "nodes": nodes,
         "limits": [{"quantity": a, "never": b, "value": c} for a, b, c in limits],
     }
-    return Diagnosis("departure", line, evidence, _REMEDY)
+    return Diagnosis("departure", line, evidence, _REWRITE if written else _REMEDY)
+
+
+def _written(reference: Reference, found: Sequence[_Departure]) -> str | None:
+    """What the samples after the departure are, where they follow from those of the method."""
+    way = moved(reference, NORMS[f"{reference.problem.quantities[0]}-max"])
+    for words, after in _AFTERWARDS.items():
+        if all(
+            len(apart) and np.max(np.abs(apart)) <= each.same * way
+            for each in found
+            for apart in [after(*each.positions, each.frame)]
+        ):
+            return words
+    return None
 
 
 def _limits(found: Sequence[_Departure]) -> Iterator[tuple[str, str, float]]:
