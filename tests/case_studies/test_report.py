@@ -134,6 +134,7 @@ def finished(tmp_path_factory):
     return run_all(wanted, kept), kept
 
 
+@pytest.mark.slow
 def test_runs_are_those_of_the_figures_and_of_their_mirror_images(finished):
     """And of a rope that differs from the left one in the last digits alone."""
     for run, images in finished[0].items():

@@ -75,7 +75,10 @@ def test_a_lower_whole_order_is_wrong_at_any_step_size(tmp_path, taut):
 
 @pytest.mark.parametrize(
     ("stepper", "changed"),
-    [("implicit-euler", {"gravity": (0.0, -9.0)}), ("velocity-verlet", {"node_mass": 0.6})],
+    [
+        pytest.param("implicit-euler", {"gravity": (0.0, -9.0)}, marks=pytest.mark.slow),
+        ("velocity-verlet", {"node_mass": 0.6}),
+    ],
 )
 def test_another_equation_stays_wrong(tmp_path, taut, changed, stepper):
     steps = (60, 90, 135, 200, 300, 450)

@@ -136,6 +136,7 @@ def test_samples_between_steps_and_steps_counted_by_time(known, tmp_path, sample
     assert cause or (report.verdict, report.notes) == ("right", ())
 
 
+@pytest.mark.slow
 def test_what_is_far_from_the_solution_is_not_unstable(tmp_path):
     """Of a planet that is seen once a period it is not known how far it came."""
     planet = reference(PROBLEMS["kepler"](4, periods=4))

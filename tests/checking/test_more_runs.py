@@ -73,6 +73,7 @@ def test_a_program_that_is_none_of_the_steppers(tmp_path, known):
     assert line.endswith("add runs with 48 and 96 steps per frame to begin with")
 
 
+@pytest.mark.slow
 def test_two_steppers_that_are_the_same_here(tmp_path):
     """From rest and without damping, as both names say."""
     known = reference(Rope(num_nodes=4, damping=0.0).problem(frames=3))

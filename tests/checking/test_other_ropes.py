@@ -29,7 +29,9 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("given", CASES)
+@pytest.mark.parametrize(
+    "given", [pytest.param("rope", marks=pytest.mark.slow), "inextensible-rope"]
+)
 def test_files_of_the_other_rope(tmp_path, ropes, given):
     kind, stepper, words = CASES[given]
     made = write_runs(tmp_path, ropes[kind].problem, stepper, STEPS)

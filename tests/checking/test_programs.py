@@ -145,6 +145,7 @@ def test_another_method_of_the_order_that_is_claimed_is_told_apart(
     assert fixes == ([right] if method is explicit else [])
 
 
+@pytest.mark.slow
 def test_a_treatment_of_damping_that_is_right_in_the_limit_is_no_mistake(tmp_path):
     damped = reference(Rope(**SPRINGS, damping=0.003).problem(FRAMES))
     program = Program(damped.problem, damping=0.0, exact_damping=True)
@@ -152,6 +153,7 @@ def test_a_treatment_of_damping_that_is_right_in_the_limit_is_no_mistake(tmp_pat
     assert diagnosis.cause not in ("parameters", "step-size", "damping-per-step")
 
 
+@pytest.mark.slow
 def test_a_damping_that_is_missing_is_no_tiny_one(tmp_path):
     """What is left of it in the numbers is rounding."""
     damped = reference(Rope(**SPRINGS, damping=0.01).problem(FRAMES))
@@ -170,7 +172,7 @@ def test_lengths_in_single_precision_refute_nothing(tmp_path):
         assert "single precision" in finding(report).line
 
 
-@pytest.mark.parametrize("digits", ["%.6g", "%.7g"])
+@pytest.mark.parametrize("digits", ["%.6g", pytest.param("%.7g", marks=pytest.mark.slow)])
 def test_few_digits_are_no_mistake(known, tmp_path, digits):
     program = Program(known["moving"].problem, method=midpoint)
     report = grade(program.files(tmp_path, digits=digits), known["moving"], expected_order=2)

@@ -90,6 +90,7 @@ def test_a_program_that_takes_minutes_to_compile_runs_in_python():
         assert method.trial.compiled is compiled
 
 
+@pytest.mark.slow
 def test_what_a_right_step_refuses_is_said_and_fails_nothing():
     def said(step, check):
         (finding,) = check_stepper(step, only=[check]).findings

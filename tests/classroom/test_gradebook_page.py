@@ -18,6 +18,7 @@ def book(tmp_path):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_nothing_hinders_a_reader(page, book, axe):  # noqa: F811
     for width in (1280, 400):
         page.set_viewport_size({"width": width, "height": 900})

@@ -159,6 +159,7 @@ def test_version_and_steppers(run):
     assert "start=rest,damping=per-step" in run("steppers", "stormer-verlet").stdout
 
 
+@pytest.mark.slow
 def test_report(run, tmp_path):
     pictures = ["--plots", "pictures", "--out", "report.json"]
     done = run("report", "--figures", "4", "--frames", "400", *pictures)
@@ -326,6 +327,7 @@ def step(rhs, t, y, dt, args):
 """
 
 
+@pytest.mark.slow
 def test_a_file_that_prints_elsewhere_does_not_take_the_table_along(run):
     Path("steps.py").write_text(PRINTS_ELSEWHERE)
     done = run("table", *SMALL, "--steppers", "steps.py", "--steps", "16,32,64")

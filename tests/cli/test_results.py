@@ -107,6 +107,7 @@ def test_horizon_in_json(writes):
     assert [need["measured"] for need in found["needs"]] == [True, False]
 
 
+@pytest.mark.slow
 def test_work_precision_of_all_kinds_of_methods(writes):
     methods = "--methods rk4,scipy:RK23 --steps 7,30 --rtol 1e-4,1e-7"
     said, files = writes(

@@ -172,6 +172,7 @@ def test_a_check_has_the_words_of_check(ask):
     assert whole.lines[1].status == "right"
 
 
+@pytest.mark.slow
 def test_command_and_code_compute_what_is_shown(ask, laboratory, run):
     changed = {"pinned": [0, 3], "stiffness": 55.5, "initial_velocity": [0.0, 0.125]}
     rope = ProblemChoice(name="rope", parameters={"num_nodes": 4, **changed}, frames=3)

@@ -88,6 +88,7 @@ def test_a_cell_holds_the_page_also_where_there_are_no_widgets(shown):
     assert html.unescape(inside[1]) == shown.page
 
 
+@pytest.mark.slow
 def test_a_stepper_of_the_users_own_stands_where_it_was_named(table):
     own = accuracy_table(table.reference, [halves], STEPS)
     with pytest.raises(InputError, match="pass your steppers"):

@@ -50,6 +50,7 @@ async def test_what_runs_gives_way_to_the_more_urgent_and_is_stopped_where_nobod
         assert (await page.ask(do("work"), "b"))["every"] == begun + 2
 
 
+@pytest.mark.slow
 async def test_pages_take_turns_and_a_long_question_of_one_gives_way_to_the_other(lab):
     async with lab.page() as one, lab.page() as two:
         begun = (await two.ask(do("work")))["every"]
@@ -64,6 +65,7 @@ async def test_pages_take_turns_and_a_long_question_of_one_gives_way_to_the_othe
         assert (await one.answers("long"))["long"]["every"] > begun[-1] > begun[0]
 
 
+@pytest.mark.slow
 async def test_what_nobody_asked_is_prepared_in_a_pause_gives_way_and_is_prepared_again():
     async with (
         running(ahead=(do("break"), do("wait"))) as lab,
@@ -147,6 +149,7 @@ async def test_a_worker_that_does_not_stop_is_replaced_and_nothing_is_left_behin
     assert not alive
 
 
+@pytest.mark.slow
 async def test_a_new_version_of_the_file_is_announced_and_one_that_ends_the_worker_is_not_run_again(
     tmp_path, monkeypatch
 ):

@@ -278,6 +278,7 @@ def remembers():
     return rhs
 
 
+@SLOW
 def test_a_memory_that_changes_nothing_is_right():
     """Nor what the user changes between calls."""
     plain = acts(lambda t, y: [rising(t) + math.sin(y[0])])
@@ -394,6 +395,7 @@ def test_a_program_that_computes_something_else_is_not_used():
 # As SciPy's solvers take them; and right-hand sides outside of JAX's float64 mode.
 
 
+@SLOW
 def test_a_rope_of_unequal_masses():
     """Nonlinear and damped; the states are held against its reference as they are."""
     problem = Rope(num_nodes=4, node_mass=(1, 2, 1, 0.3), damping=0.1).problem(3)

@@ -42,6 +42,7 @@ def as_dict() -> Problem:
     )
 
 
+@pytest.mark.slow
 def test_references_come_as_the_state_does(as_dict):
     truth = reference(as_dict)
     bound = truth.bound()[-1]

@@ -177,6 +177,7 @@ def test_times_are_never_on_a_jump():
     assert len(look_between(holes, run.path, BOUNDS).times) == 0
 
 
+@pytest.mark.slow
 @as_for_users
 def test_where_one_needle_was_hit_there_may_be_others():
     """Of many needles a tenth is hit; what they do together is not what was seen."""

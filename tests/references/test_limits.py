@@ -113,6 +113,7 @@ def decays(t, y, args):
     return -jnp.array([1.0, 0.01]) * y
 
 
+@pytest.mark.slow
 def test_components_of_different_size_are_named():
     for y0, atol, told in (
         ([1e3, 1e-6], None, True),

@@ -63,6 +63,7 @@ def assert_rounding_widens_nothing(known):
         assert len(seen["rounding"]) == 3
 
 
+@pytest.mark.slow
 def test_frames_of_very_unequal_length_hide_nothing():
     """The first frames are one step at each tolerance; only shorter steps show their error."""
     pytest.importorskip("heyoka")
@@ -145,6 +146,7 @@ def test_stiff_problems_get_implicit_solvers():
     assert (swings.certificate.stiff, swings.horizon) == (False, None)
 
 
+@pytest.mark.slow
 def test_the_bound_covers_noise_in_the_right_hand_side():
     """Of 6e-8 at most."""
     problem = scalar("24 bits", 1.0, np.linspace(0, 0.5, 6), 1.1)
@@ -352,6 +354,7 @@ def test_both_sides_of_a_corner():
     np.testing.assert_allclose(slopes[:, 1, 0], [np.exp(1.3), -np.exp(1.3)], rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_it_verifies_and_wrong_derivatives_do_not(tmp_path):
     oscillator = dense("an oscillator")
     assert_rounding_widens_nothing(oscillator)

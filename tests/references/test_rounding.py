@@ -238,6 +238,7 @@ def more_digits(known):
     return [each for each in known.certificate.witnesses if each.role == "more digits"]
 
 
+@pytest.mark.slow
 @beyond_float64
 def test_a_run_with_more_digits_sees_what_is_hidden():
     """1 - cos x cancels nearly all digits, in all float64 runs alike: here it is 0 at first."""

@@ -110,7 +110,10 @@ def test_frames_may_differ_in_length_and_tables_expect_the_order():
     assert several.expected is None
 
 
-@pytest.mark.parametrize("stepper", ["rk4", "stormer-verlet", "implicit-midpoint"])
+@pytest.mark.parametrize(
+    "stepper",
+    ["rk4", "stormer-verlet", pytest.param("implicit-midpoint", marks=pytest.mark.slow)],
+)
 def test_all_drivers_make_the_same_steps(stepper):
     jumps = (0.2, 0.61, 1.0)
     problem = pushed(jumps)

@@ -102,6 +102,7 @@ def of_stiffening(t, y, args):
     return 0.5 * jnp.sum(y[1] ** 2 + (1.0 + t) * y[0] ** 2)
 
 
+@pytest.mark.slow
 def test_an_energy_that_changes_with_time_is_not_conserved():
     """A spring that grows stiffer, at rest first: nothing but the time changes its energy."""
     times = np.arange(4.0)
@@ -129,7 +130,7 @@ def test_a_push_between_the_samples_is_no_conservation(duration, met):
     assert np.ptp(energies.values) > 1.0
 
 
-@pytest.mark.parametrize(("steps", "parts"), [(16, 8), (11, 1)])
+@pytest.mark.parametrize(("steps", "parts"), [pytest.param(16, 8, marks=pytest.mark.slow), (11, 1)])
 def test_more_samples_change_no_step(steps, parts, small_rope):
     """The steps are the same; only the times at which they begin are rounded differently.
 
@@ -158,6 +159,7 @@ def test_frames_of_different_lengths_and_a_norm_of_its_own(small_rope):
     assert np.array_equal(found.resolution[1:], series.resolution)
 
 
+@pytest.mark.slow
 def test_diverged_at_is_a_frame_of_the_problem():
     run = simulate(quartic(), "explicit-euler", 2)
     (path,) = node_paths(quartic(), ["explicit-euler"], 2).paths

@@ -187,6 +187,7 @@ def check(engine, folder, bad):
             assert f"longer than {found['seconds']} s" in reason
 
 
+@pytest.mark.slow
 def test_local_processes_of_which_one_dies_and_some_say_no_rows(tmp_path):
     """The case of the one is computed again, when nothing else runs."""
     does = {2: b"", 5: b'{"rows": [{"key": [1]}]}', 7: "die once"}

@@ -116,6 +116,7 @@ def test_rows_are_what_the_functions_say_one_by_one(small):
     assert {"diverges", "never_settles"} <= {row["motion"] for row in rows}
 
 
+@pytest.mark.slow
 def test_rows_do_not_depend_on_what_they_are_computed_with(small, folder, tmp_path):
     """What takes long is handed back in parts: the first problem, whatever it takes, and others."""
     spec, rows = small
@@ -140,6 +141,7 @@ def made_once(spec, rows, folder):
     return rows_of(spec, folder) == rows and written() == before
 
 
+@pytest.mark.slow
 def test_a_reference_is_made_once_and_again_where_it_is_damaged(small, folder, tmp_path):
     spec, rows = small
     assert made_once(spec, rows, folder)

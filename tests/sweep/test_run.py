@@ -195,6 +195,7 @@ def test_what_was_interrupted_and_extended_equals_a_sweep_made_at_once(folder, m
         run_sweep(large, "grown")
 
 
+@pytest.mark.slow
 def test_a_table_as_pandas_and_as_xarray(folder):
     run_sweep(spec(), "out")
     frame = load_sweep("out")

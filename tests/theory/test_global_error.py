@@ -78,6 +78,7 @@ def test_what_settles_slowly_is_not_predicted():
     assert "settles slowly: 2 steps more change it by" in found
 
 
+@pytest.mark.slow
 def test_frames_that_pieces_of_the_solution_fill_but_for_rounding():
     """What was left of a frame, less than one unit of time's last place, stood in it twice."""
     orbit = PROBLEMS["kepler"](frames=3, eccentricity=0.1)

@@ -20,6 +20,7 @@ widget = pytest.importorskip("ropeode.laboratory.widget", exc_type=ImportError)
 expect = pytest.importorskip("playwright.sync_api").expect
 
 
+@pytest.mark.slow
 def test_parameters_are_asked_for_as_they_are_set_and_a_wrong_one_shows_python_in_english(
     page, address
 ):
@@ -156,6 +157,7 @@ def test_dropped_files_are_graded_drawn_and_points_of_the_order_plot(page, addre
     expect(points).to_have_count(3)
 
 
+@pytest.mark.slow
 def test_a_lost_connection_is_mended_and_command_code_and_film_are_taken_along(page, address):
     python = lab.Python(page)
     lab.opened(page, address, **lab.STILL, problem=lab.NOT_RECORDED)
@@ -179,6 +181,7 @@ def test_a_lost_connection_is_mended_and_command_code_and_film_are_taken_along(p
     assert download.value.path().read_bytes() == b"GIF89a"
 
 
+@pytest.mark.slow
 def test_a_lab_that_runs_has_the_stepper_of_a_file(page, start_lab):
     page.goto(start_lab(f"{lab.EXAMPLE}:velocity_verlet") + lab.link(**lab.STILL))
     expect(page.locator("#stepper-0")).to_have_value(f"{lab.EXAMPLE}:velocity_verlet")
@@ -206,6 +209,7 @@ def shown(monkeypatch):
     return widget.Lab(Laboratory(), {"problem": {"name": "rope"}, "steppers": []}, 720, silent)
 
 
+@pytest.mark.slow
 def test_the_kernel_answers_what_is_not_in_the_page_of_a_cell(page, shown, monkeypatch):
     sent, heard = queue.Queue(), []
     monkeypatch.setattr(shown, "send", lambda *message, **named: sent.put((message, named)))

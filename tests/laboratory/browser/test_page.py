@@ -194,6 +194,7 @@ def test_euler_flies_apart_and_a_link_shows_all_that_was_chosen(alone, address):
     assert not alone.is_checked("#shown-1")
 
 
+@pytest.mark.slow
 def test_lessons_in_both_languages_and_what_needs_python(alone, address):
     alone.goto(f"{address}?scene=verlet-start")
     expect(alone.locator("#time-shown")).to_be_attached()
@@ -243,6 +244,7 @@ def test_nothing_hinders_a_reader(alone, address, axe):
         assert alone.evaluate(VIOLATIONS) == []
 
 
+@pytest.mark.slow
 def test_the_keyboard_alone_reaches_every_control(alone, address):
     lab.opened(alone, address, **lab.STILL)
     controls = ":is(header, #controls, #stage) :is(button, input, select, summary)"
@@ -259,6 +261,7 @@ def test_the_keyboard_alone_reaches_every_control(alone, address):
     assert missed == []
 
 
+@pytest.mark.slow
 def test_one_file_has_all_that_its_keys_and_plots_ask_for_without_a_network(
     page, recorded_file, tmp_path
 ):

@@ -156,6 +156,7 @@ def test_float64_solvers_must_not_contradict(monkeypatch):
         extended(BODY)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("looked_at_as_for_users")
 def test_the_trust_ends_at_a_pulse_that_both_runs_pass_by():
     """At t = 3.3; some of the float64 runs pass by it too."""

@@ -377,6 +377,7 @@ def test_a_kept_reference_is_the_one_that_was_computed_and_what_differs_has_anot
     assert runs_for(swing())[1] > 9
 
 
+@pytest.mark.slow
 def test_what_ended_early_is_not_kept_and_neither_are_problems_of_the_users(cache_folder):
     """With more time a run may get further; here all of them end at a pole."""
     pole = swing(x0=0.4).changed(rhs=lambda t, y, args: y * y)
