@@ -136,6 +136,18 @@ def test_samples_between_steps_and_steps_counted_by_time(known, tmp_path, sample
     assert cause or (report.verdict, report.notes) == ("right", ())
 
 
+def test_methods_that_differ_only_at_a_wall_depart_from_nothing(tmp_path):
+    """In free fall implicit Euler is semi-implicit Euler, which is far better at walls."""
+    wall = Problem.second_order(
+        lambda t, x, v, args: jnp.array([0.0, -9.81]) + 1e3 * jnp.maximum(0.0, -x),
+        [[1.0, 1.0]],
+        [[0.0, 0.0]],
+        np.linspace(0.0, 3.0, 25),
+    )
+    files = write_runs(tmp_path, wall, "implicit-euler", (8, 16, 32))
+    assert grade(files, wall, expected_order=1, accuracy=1e-5).verdict == "undetermined"
+
+
 @pytest.mark.slow
 def test_what_is_far_from_the_solution_is_not_unstable(tmp_path):
     """Of a planet that is seen once a period it is not known how far it came."""

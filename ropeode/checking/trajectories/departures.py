@@ -25,6 +25,7 @@ from ropeode.precision import in_float64
 from ropeode.problems import Problem
 from ropeode.problems.nested_jaxprs import equations
 from ropeode.references import Reference
+from ropeode.steppers import as_stepper
 from ropeode.theory import is_rope
 from ropeode.validation import listed
 
@@ -122,20 +123,31 @@ def departure(reference: Reference, runs: Sequence[Run]) -> Diagnosis | None:
     known = finite(runs)
     if not known or steps_per_frame(known)[0] > MOST_IN_PYTHON:
         return None
-    first = known[0]
+    first, rigid = known[0], _has_rigid_links(reference.problem)
 
     def begins(made: np.ndarray) -> bool:
         parts = _apart(reference, first, samples_of(first.problem, made))
         return parts is not None and bool(np.max(parts[0]) <= parts[1])
 
     for actors in beginning_so(reference.problem, known, begins):
-        found = {actor.name: each for actor in actors if (each := _of(reference, known, actor))}
+        found = {
+            actor.name: each
+            for actor in actors
+            # Other steppers of rigid links take long to compile, and few people write them.
+            if not rigid or as_stepper(actor.name).keeps_lengths
+            if (each := _of(reference, known, actor))
+        }
         departed = min((each.frame for runs in found.values() for each in runs), default=0)
         if found and _acts_before(
             reference.problem, reference.states[: reference.trusted], departed
         ):
             return _diagnosis(reference, [*found], next(iter(found.values())))
     return None
+
+
+def _has_rigid_links(problem: Problem) -> bool:
+    """Whether a problem is a rope without springs."""
+    return has_rope_forces(problem) and not is_rope(problem)
 
 
 def _of(reference: Reference, runs: Sequence[Run], actor: Actor) -> list[_Departure]:
@@ -260,12 +272,13 @@ def _acts_before(problem: Problem, states: np.ndarray, frame: int) -> bool:
         states: its solution, ``(times, *state)``.
         frame: in which a run departs from a method.
     """
+    if _has_rigid_links(problem):
+        # They pull from the first step on; that they ask which ends are free is no corner.
+        return True
     if problem.in_python:
         return False
     traced = jax.make_jaxpr(problem.rhs)(problem.ts[0], problem.y0, problem.args)
-    # Rigid links ask which ends are free.
-    rigid = has_rope_forces(problem) and not is_rope(problem)
-    if not (rigid or {each.primitive.name for each in equations(traced)} <= _SMOOTH):
+    if not {each.primitive.name for each in equations(traced)} <= _SMOOTH:
         return False
     ts = problem.ts[: len(states)]
     # The time, and the positions and the velocities, or the whole state.
@@ -291,7 +304,7 @@ def _diagnosis(
     before, frame = (pick(each.frame for each in found) for pick in (min, max))
     misfit, apart = (max(getattr(each, name) for each in found) for name in ("before", "apart"))
     nodes = list(dict.fromkeys(each.node for each in found))
-    limits, written = [*_limits(found)], _written(reference, found)
+    limits, resting, written = [*_limits(found)], _resting(found), _written(reference, found)
     who = (
         f"node {nodes[0]} departs" if len(nodes) == 1 else f"nodes {listed(map(str, nodes))} depart"
     )
@@ -309,8 +322,11 @@ def _diagnosis(
     )
     if written:
         line += written
-    elif limits:
+    elif limits or resting:
         words = [f"{name} is never {side} {value:g}" for name, side, value in limits[:_MOST_SAID]]
+        if resting:
+            rest = "node {} is at rest" if len(resting) == 1 else "nodes {} are at rest"
+            words.append(rest.format(listed(map(str, resting))))
         line += f"in these files {listed(words)}, as nothing in the problem demands"
     else:
         line += (
@@ -324,6 +340,7 @@ def _diagnosis(
         "departs": {f"{each.run.dt:g}": float(ts[each.frame]) for each in found},
         "apart": apart,
         "nodes": nodes,
+        "resting": resting,
         "limits": [{"quantity": a, "never": b, "value": c} for a, b, c in limits],
     }
     return Diagnosis("departure", line, evidence, _REWRITE if written else _REMEDY)
@@ -340,6 +357,19 @@ def _written(reference: Reference, found: Sequence[_Departure]) -> str | None:
         ):
             return words
     return None
+
+
+def _resting(found: Sequence[_Departure]) -> list[int]:
+    """The nodes that are at rest once all runs have departed, and are not with the method."""
+    frame, quiet = max(each.frame for each in found), []
+    for each in found:
+        x, made = each.positions
+        velocities = each.run.values[frame:, :, each.run.layout.dim :]
+        rests = np.all(x[frame:] == x[frame], axis=(0, 2))
+        if velocities.size:
+            rests |= np.all(velocities == 0.0, axis=(0, 2))
+        quiet.append(rests & np.any(made[frame:] != made[frame], axis=(0, 2)))
+    return np.flatnonzero(np.all(quiet, axis=0)).tolist()
 
 
 def _limits(found: Sequence[_Departure]) -> Iterator[tuple[str, str, float]]:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import jax
 import numpy as np
 
 from ropeode.analysis import distances, largest_distance, moved
@@ -19,6 +20,7 @@ from ropeode.checking.trajectories.run_files import Run, finite
 from ropeode.norms import NORMS
 from ropeode.precision import in_float64
 from ropeode.problems import Problem
+from ropeode.problems.nested_jaxprs import equations
 from ropeode.progress import silent
 from ropeode.references import Reference
 from ropeode.simulation import run_in_python, simulate, step_size
@@ -41,6 +43,7 @@ _LIKELY = (
     (*FIRST, "stormer-verlet:start=rest", "constraint-verlet:start=rest"),
     ("heun", "midpoint", "ralston2", "ralston3"),
     ("stormer-verlet:damping=lagged", "stormer-verlet:start=rest,damping=lagged"),
+    ("leapfrog:damping=explicit", "leapfrog:form=drift-kick-drift,damping=explicit"),
 )
 # Positions are like those of a stepper if they differ by this part of their errors, or by rounding,
 # and begin so if they do by that part. They are the same if they differ by this part of the motion
@@ -125,17 +128,23 @@ def beginning_so(
         problem: of the runs.
         runs: from coarse to fine.
         agrees: whether states ``(2, *state)`` at the ends of the first frame are like those of the
-            first run, unless that has too many steps in it.
+            first run, unless Python would take long to compute them.
     """
     counts, one = steps_per_frame(runs), step_size(problem, 1)
     if any(abs(one / run.dt - n) > WHOLE for run, n in zip(runs, counts, strict=True)):
         return
+    slow = counts[0] > MOST_IN_PYTHON or _has_loops(problem)
     for actors in _actors(problem, runs[0].values.shape[2]):
-        yield [
-            actor
-            for actor in actors
-            if counts[0] > MOST_IN_PYTHON or agrees(actor.beginning(counts[0]))
-        ]
+        yield [actor for actor in actors if slow or agrees(actor.beginning(counts[0]))]
+
+
+@in_float64
+def _has_loops(problem: Problem) -> bool:
+    """Whether the right-hand side has loops, as rigid links have: each is compiled on its own."""
+    if problem.in_python:
+        return False
+    traced = jax.make_jaxpr(problem.rhs)(problem.ts[0], problem.y0, problem.args)
+    return any(each.primitive.name in ("scan", "while") for each in equations(traced))
 
 
 def like_steppers(reference: Reference, runs: Sequence[Run]) -> list[Actor]:
