@@ -61,6 +61,7 @@ MISTAKES = [
     ("moving", {"forces": 0.5}, "parameters", "the mass is counted twice"),
     ("moving", {"adds_up": True}, "forces-add-up", "never set to zero"),
     ("resting", {"rested": (4,)}, "fixed-node", "node 4 never moves"),
+    ("moving", {"rested": (4,)}, "fixed-node", "node 4 moves on with its initial velocity"),
     ("moving", {"method": "verlet", "starts": "rest"}, "start", "initial velocity is forgotten"),
     ("moving", {"method": explicit}, "method", "are those of explicit Euler"),
     ("moving", {"masses_that_divide": 0}, "parameters", "the mass is left out"),

@@ -11,9 +11,10 @@ from ropeode.checking.diagnosis.methods import MISTAKEN
 from ropeode.checking.diagnosis.programs import (
     KEPT,
     Program,
-    fixed_nodes,
+    Unforced,
     power,
     programs_of,
+    unforced_nodes,
 )
 from ropeode.checking.report import Diagnosis
 from ropeode.checking.simple_numbers import shortest
@@ -63,8 +64,9 @@ def diagnose_program(
     """
     programs = programs_of(problem, runs, truth, changes)
     if not programs:
-        fixed = fixed_nodes(problem, runs, truth)
-        return Diagnosis("fixed-node", _fixed(fixed), {"nodes": fixed}, _PINS) if fixed else None
+        unforced = unforced_nodes(problem, runs, truth)
+        nodes = (*unforced.still, *unforced.drifting)
+        return Diagnosis(*_fixed(unforced)[:2], {"nodes": nodes}, _PINS) if nodes else None
     program, *others = programs
     if program.changed == ("damping",):
         # Any damping can be said as a further one.
@@ -123,17 +125,28 @@ def _order(order: int | str) -> str:
 _PINS = "let the loop over the nodes run from the first to the last"
 
 
-def _fixed(nodes: tuple[int, ...]) -> str:
-    if len(nodes) == 1:
-        return f"node {nodes[0]} never moves, though it is not pinned"
-    return f"nodes {listed(map(str, nodes))} never move, though they are not pinned"
+def _fixed(unforced: Unforced) -> tuple[str, str, str]:
+    """The cause, the words and the remedy of nodes without forces."""
+    words = []
+    for nodes, one, several in (
+        (unforced.still, "never moves, though it is", "never move, though they are"),
+        (
+            unforced.drifting,
+            "moves on with its initial velocity, though it is",
+            "move on with their initial velocities, though they are",
+        ),
+    ):
+        if nodes:
+            who = f"node {nodes[0]} {one}" if len(nodes) == 1 else None
+            words.append(f"{who or f'nodes {listed(map(str, nodes))} {several}'} not pinned")
+    return "fixed-node", " and ".join(words), _PINS
 
 
 def _said(program: Program, problem: Problem) -> tuple[str, str, str]:
     """The cause, the words for it, and the remedy; the first cause counts where there are more."""
     mistakes = []
-    if program.fixed:
-        mistakes.append(("fixed-node", _fixed(program.fixed), _PINS))
+    if any(program.unforced):
+        mistakes.append(_fixed(program.unforced))
     if program.forgets_velocity:
         words = (
             "the initial velocity is forgotten: the first step begins with the last position at "

@@ -102,6 +102,18 @@ _IN_PAIRS = (
 )
 
 
+class Unforced(NamedTuple):
+    """Nodes that no force moves, though it should.
+
+    Fields:
+        still: those that never move.
+        drifting: those that move on with their initial velocity.
+    """
+
+    still: tuple[int, ...]
+    drifting: tuple[int, ...]
+
+
 class Program(NamedTuple):
     """A program that computes the positions in the files.
 
@@ -111,7 +123,7 @@ class Program(NamedTuple):
         found: the value of the changed terms in each run, by step size.
         misfit: the largest difference of positions, as a part of the motion.
         frames: in which they agree.
-        fixed: the nodes that should move, and do not.
+        unforced: the nodes that no force moves, though it should.
         forgets_velocity: whether it begins at rest, and should not.
         extra: the first frame in which it makes a step too many, by step size.
         single: whether lengths in single precision explain the difference.
@@ -124,7 +136,7 @@ class Program(NamedTuple):
     found: dict[float, float]
     misfit: float
     frames: int
-    fixed: tuple[int, ...] = ()
+    unforced: Unforced = Unforced((), ())
     forgets_velocity: bool = False
     extra: dict[float, int] = {}  # noqa: RUF012  (nobody changes it)
     single: bool = False
@@ -134,7 +146,7 @@ class Program(NamedTuple):
     @property
     def is_right(self) -> bool:
         """Whether nothing in it is wrong."""
-        wrong = self.fixed or self.forgets_velocity or self.extra or self.single
+        wrong = any(self.unforced) or self.forgets_velocity or self.extra or self.single
         return not (self.changed or wrong)
 
     @property
@@ -376,13 +388,12 @@ def programs_of(
     if not has_rope_forces(problem):
         return ()
     kind = "springs" if is_rope(problem) else "rigid links"
-    fixed = fixed_nodes(problem, runs, truth)
-    if fixed:
-        free = problem.args.free.copy()
-        free[list(fixed)] = 0.0
-        problem = problem.with_numbers(
-            problem.y0, problem.args._replace(free=free), problem.parameters
-        )
+    unforced = unforced_nodes(problem, runs, truth)
+    if any(unforced):
+        free, y0 = problem.args.free.copy(), problem.y0.copy()
+        free[[*unforced.still, *unforced.drifting]] = 0.0
+        y0[1][:, [*unforced.still]] = 0.0
+        problem = problem.with_numbers(y0, problem.args._replace(free=free), problem.parameters)
     known = [_Run(problem, dt, states) for dt, states in runs]
     known = sorted((run for run in known if run.usable), key=lambda run: -run.dt)
     in_all = np.cumsum([np.sum(run.by_number()) for run in known])
@@ -439,11 +450,11 @@ def programs_of(
             powers = [each for each in found if power(each) is not None]
             if powers:
                 simple = [each for each in powers if power(each) == 0.0] or powers[:1]
-                return tuple(_named(each, problem, fixed) for each in simple)
+                return tuple(_named(each, problem, unforced) for each in simple)
     return ()
 
 
-def _named(program: Program, problem: Problem, fixed: tuple[int, ...]) -> Program:
+def _named(program: Program, problem: Problem, unforced: Unforced) -> Program:
     """A program with what is known beside the runs."""
     method, moves = program.method, bool(np.any(problem.y0[1]))
     alike = method.step is semi_implicit_euler and method.start in (as_given, at_rest)
@@ -451,18 +462,40 @@ def _named(program: Program, problem: Problem, fixed: tuple[int, ...]) -> Progra
         name = "semi-implicit Euler (or Störmer-Verlet, which moves alike from rest)"
         method = method._replace(name=name)
     forgets = method.start is at_rest and moves
-    return program._replace(method=method, fixed=fixed, forgets_velocity=forgets)
+    return program._replace(method=method, unforced=unforced, forgets_velocity=forgets)
 
 
-def fixed_nodes(problem: Problem, runs: Runs, truth: np.ndarray) -> tuple[int, ...]:
-    """The nodes that should move, and do so in no run; arguments as for `programs_of`."""
+def unforced_nodes(problem: Problem, runs: Runs, truth: np.ndarray) -> Unforced:
+    """The nodes that forces move, and do so in no run; arguments as for `programs_of`."""
     if problem.mechanics is None:
-        return ()
+        return Unforced((), ())
     places = [problem.positions(states) for states in (truth, *(states for _, states in runs))]
-    ways = np.array([np.max(np.abs(each - each[0]), axis=(0, 2)) for each in places])
-    way, still = ways[0], ways[1:] == 0.0
-    moves = way > _STILL * np.max(way)
-    return tuple(np.flatnonzero(np.all(still, axis=0) & moves).tolist())
+    way = np.max(np.abs(places[0] - places[0][0]))
+    still, drifting = (
+        _on_lines(problem, places, velocities, _STILL * way, same)
+        for velocities, same in (
+            (0.0, 0.0),
+            (problem.quantity(problem.quantities[1], problem.y0[None])[0], _SAME * way),
+        )
+    )
+    return Unforced(still, tuple(node for node in drifting if node not in still))
+
+
+def _on_lines(
+    problem: Problem, places: Sequence[np.ndarray], velocities: Any, off: float, same: float
+) -> tuple[int, ...]:
+    """The nodes that move with constant velocities in all runs, and should leave these lines.
+
+    Arguments:
+        problem: that they should solve.
+        places: the right ones and those of each run, ``(times, nodes, dim)``.
+        velocities: of the nodes, ``(nodes, dim)`` or a number.
+        off: how far from the line a node should come.
+        same: how close to it the runs stay.
+    """
+    lines = places[0][0] + (problem.ts - problem.ts[0])[:, None, None] * velocities
+    right, *found = (np.max(np.abs(each - lines[: len(each)]), axis=(0, 2)) for each in places)
+    return tuple(np.flatnonzero(np.all(np.array(found) <= same, axis=0) & (right > off)).tolist())
 
 
 def power(program: Program) -> float | None:
