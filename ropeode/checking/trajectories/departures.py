@@ -58,6 +58,8 @@ _SMOOTH = {
 _LAST_BIT = 1e-16
 _SEED = 1
 _MOST_SAID = 3
+# So many samples of nodes must be at a limit.
+_FEWEST_TIMES = 2
 # What samples are of which the last one at least is no news: differences, from the positions in a
 # file, those of the method, and the frame of the departure.
 _AFTERWARDS: dict[str, Callable[[np.ndarray, np.ndarray, int], np.ndarray]] = {
@@ -375,26 +377,25 @@ def _resting(found: Sequence[_Departure]) -> list[int]:
 def _limits(found: Sequence[_Departure]) -> Iterator[tuple[str, str, float]]:
     """What goes as far in all runs, to rounding, once they have departed; the method goes farther.
 
+    Runs with small errors are alike, and so is the farthest that they go. What is limited stays
+    there, or comes there again.
+
     Returns:
         The quantity, on which side it never is, and of which value.
     """
-    names = _measured(found[0].run)
-    for name in names:
+    for name in _measured(found[0].run):
         for side, sign in (("above", 1.0), ("below", -1.0)):
-            reached, beyond = [], []
-            for each in found:
-                own, method = (sign * _measured(run)[name] for run in (each.run, each.made))
-                early, late = np.max(own[: each.frame]), np.max(own[each.frame :])
-                reached.append(float(late))
-                beyond.append(bool(np.max(method) > late > early))
-            spread = float(np.ptp(reached))
-            allowed = max(each.same for each in found) * max(map(abs, reached))
-            if all(beyond) and spread <= allowed:
-                yield (
-                    name,
-                    side,
-                    sign * shortest(reached[-1], max(spread, 1e-12 * abs(reached[-1]))),
-                )
+            runs = [[sign * _measured(r)[name] for r in (each.run, each.made)] for each in found]
+            reached = np.array([np.max(own) for own, _ in runs])
+            allowed = max(each.same for each in found) * float(np.max(np.abs(reached)))
+            limited = all(
+                np.max(own[: each.frame]) < most < np.max(method)
+                and np.sum(own >= most - allowed) >= _FEWEST_TIMES
+                for each, (own, method), most in zip(found, runs, reached, strict=True)
+            )
+            if limited and np.ptp(reached) <= allowed:
+                spread = max(float(np.ptp(reached)), _SAME * abs(reached[-1]))
+                yield name, side, sign * shortest(float(reached[-1]), spread)
 
 
 def _measured(run: Run) -> dict[str, np.ndarray]:
