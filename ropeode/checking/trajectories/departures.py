@@ -327,8 +327,10 @@ def _diagnosis(
     elif limits or resting:
         words = [f"{name} is never {side} {value:g}" for name, side, value in limits[:_MOST_SAID]]
         if resting:
-            rest = "node {} is at rest" if len(resting) == 1 else "nodes {} are at rest"
-            words.append(rest.format(listed(map(str, resting))))
+            few = len(resting) <= _MOST_SAID
+            who = f"node{'s' * (len(resting) > 1)} {listed(map(str, resting))}"
+            who = who if few else f"{len(resting)} nodes"
+            words.append(f"{who} {'is' if len(resting) == 1 else 'are'} at rest")
         line += f"in these files {listed(words)}, as nothing in the problem demands"
     else:
         line += (
