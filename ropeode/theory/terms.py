@@ -63,7 +63,7 @@ TERMS = {
     # A mass divides all forces.
     "mass": Term("the mass", _ALL),
     "forces": Term("the sum of all forces but gravity", _ALL, starts=_ANY),
-    "all": Term("the acceleration", f"v_new = v + dt * a, with {_ALL}", starts=_ANY),
+    "all": Term("the acceleration", "v_new = v + dt * a", starts=_ANY),
     "velocity": Term("the initial velocity", _START, starts=_THERE),
     "first_ends": Term("the pull of springs on the node before them", _ENDS, starts=_THERE),
     "second_ends": Term("the pull of springs on the node behind them", _ENDS, starts=_THERE),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -74,8 +75,11 @@ def test_what_is_too_precise_to_tell_its_order_is_not_called_exact(known, tmp_pa
 STARTS = {
     ("ball", "stormer-verlet:start=rest"): ("start", "the initial velocity is forgotten"),
     ("chain", "stormer-verlet:start=rest"): ("start", "the initial velocity is forgotten"),
-    ("planet", "semi-implicit-euler"): ("start", "the first step is x(-dt) = x(0) - dt v(0)"),
-    ("chain", "explicit-euler"): ("method", "the positions are those of explicit-euler, exactly"),
+    ("planet", "semi-implicit-euler"): (
+        "method",
+        "the positions are those of semi-implicit Euler (or Störmer-Verlet with x(-dt) = x(0) - ",
+    ),
+    ("chain", "explicit-euler"): ("method", "the positions are those of explicit Euler, exactly"),
     # Verlet's planet falls into the sun, however small the steps are.
     ("planet", "stormer-verlet:start=rest"): ("start", "the initial velocity is forgotten"),
     ("damped", "stormer-verlet:start=rest,damping=lagged"): ("start", "the initial velocity is"),
@@ -90,6 +94,58 @@ def test_a_wrong_start_is_named(known, tmp_path, problem, stepper):
     (diagnosis,) = grade(files, known[problem], expected_order=2).diagnosis
     assert diagnosis.cause == cause
     assert diagnosis.line.startswith(words)
+
+
+def euler(x, v, a, dt):
+    v = v + dt * a(x, v)
+    return x + dt * v, v
+
+
+def damped_euler(x, v, a, dt):
+    x, v = euler(x, v, a, dt)
+    return x, 0.9995 * v
+
+
+def midpoint(x, v, a, dt):
+    half, w = x + dt / 2 * v, v + dt / 2 * a(x, v)
+    return x + dt * w, v + dt * a(half, w)
+
+
+def without_new_force(x, v, a, dt):
+    return x + dt * v + dt * dt / 2 * a(x, v), v + dt * a(x, v)
+
+
+# Steps with a mistake, by what the acceleration is multiplied, and what is said of them.
+MISTAKES = {
+    "the acceleration has the wrong sign": (euler, -1.0),
+    "the acceleration is 0.5% too large. With this change, the midpoint method": (midpoint, 1.005),
+    "each step keeps 0.9995 of the velocity, however long": (damped_euler, 1.0),
+    "that takes the acceleration of the start for both": (without_new_force, 1.0),
+}
+
+
+@pytest.mark.parametrize("words", MISTAKES)
+@pytest.mark.parametrize("problem", ["planet", "damped"])
+def test_a_mistake_in_a_known_method_is_named(known, tmp_path, problem, words):
+    (step, factor), own = MISTAKES[words], known[problem].problem
+    acceleration = jax.jit(own.mechanics.acceleration)
+
+    def a(x, v):
+        with jax.enable_x64(True):
+            return factor * np.asarray(acceleration(0.0, x, v, own.args))
+
+    files = []
+    for n in (16, 32, 64):
+        (x, v), dt = own.y0, float(own.ts[1]) / n
+        rows = [np.hstack([x, v])]
+        for _ in own.ts[1:]:
+            for _ in range(n):
+                x, v = step(x, v, a, dt)
+            rows.append(np.hstack([x, v]))
+        files.append(WRITERS[".npz"](tmp_path / f"{n}.npz", own.ts, np.array(rows), dt))
+    report = grade(files, known[problem], expected_order=2)
+    assert report.verdict == "wrong"
+    assert words in report.diagnosis[0].line
 
 
 def orbit(problem, n, samples):
@@ -115,7 +171,7 @@ def orbit(problem, n, samples):
 
 SAMPLES = {
     "line": ((8.37, 16.37, 33.3, 64.37), "straight-line", "on a straight line"),
-    "by time": ((10, 20, 40, 80), "extra-step", "there is a step too many in frame 7"),
+    "by time": ((10, 20, 40, 80), "extra-step", "there is a step too many in frame 2"),
     "cut": ((16, 32, 64), "departure", "the positions are those of rk4"),
     "shorter": ((8.37, 16.37, 33.3, 64.37), None, ""),
 }

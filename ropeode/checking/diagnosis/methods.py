@@ -170,6 +170,10 @@ class Method(NamedTuple):
     remedy: str = ""
     iterates: bool = False
 
+    def order_if(self, damped: bool) -> int:
+        """The order of its positions on a problem with damping, or without."""
+        return self.order if isinstance(self.order, int) else self.order[damped]
+
 
 _RK4_ROWS, _RK4_WEIGHTS = ((0.5,), (0.0, 0.5), (0.0, 0.0, 1.0)), (1 / 6, 1 / 3, 1 / 3, 1 / 6)
 _RESTORED = "Verlet with links restored"

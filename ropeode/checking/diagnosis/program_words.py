@@ -16,9 +16,11 @@ from ropeode.checking.diagnosis.programs import (
     programs_of,
     unforced_nodes,
 )
+from ropeode.checking.diagnosis.rope_forces import has_rope_forces
 from ropeode.checking.report import Diagnosis
 from ropeode.checking.simple_numbers import shortest
 from ropeode.problems import Problem
+from ropeode.study import problem_class
 from ropeode.theory.terms import FACTORS, TERMS, by_power, known_mistakes, said
 from ropeode.validation import listed
 
@@ -71,13 +73,13 @@ def diagnose_program(
     if program.changed == ("damping",):
         # Any damping can be said as a further one.
         others = [each for each in others if each.changed != ("further",)]
-    same = f"to {program.misfit:.1g} of the motion, over the first {program.frames} frames"
+    misfit = f"to {program.misfit:.1g} of the motion" if program.misfit else "exactly"
+    same = f"{misfit}, over the first {program.frames} frames"
     if program.is_right:
         method, words = program.method, ""
-        order = method.order
-        if not isinstance(order, int):
-            words = f" without damping, and {order[1]} with it"
-            words, order = f"{order[0]}{words}", order[bool(np.any(problem.args.damping))]
+        order = method.order_if(problem_class(problem).damped)
+        if not isinstance(method.order, int):
+            words = f"{method.order[0]} without damping, and {method.order[1]} with it"
         evidence = {
             "method": method.name,
             "order": order,
@@ -186,8 +188,10 @@ def _changed(program: Program, problem: Problem) -> tuple[str, str, str]:
             cause, words, remedy = _MISTAKES[program.changed]
             return cause, words.format(f"{value:g}"), remedy
     if program.changed[0] in KEPT and exponent == 1.0:
-        dt, mass = next(iter(program.found)), float(np.mean(problem.args.mass))
-        words = f"there is a further damping, of coefficient {(1.0 - value) / dt * mass:.4g}"
+        rate, what = (1.0 - value) / next(iter(program.found)), "rate"
+        if has_rope_forces(problem):
+            rate, what = rate * float(np.mean(problem.args.mass)), "coefficient"
+        words = f"there is a further damping, of {what} {rate:.4g}"
         return "parameters", words, TERMS["further"].remedy
     return _by_power(program, problem, value, exponent)
 
@@ -201,7 +205,7 @@ def _by_power(
         words = said(name, value)
         known = [
             each.words
-            for each in known_mistakes(problem.args)
+            for each in (known_mistakes(problem.args) if has_rope_forces(problem) else ())
             if each.number is not None
             and each.kind == {"forces": "mass"}.get(name, name)
             and abs(each.number - value) <= _PRECISION * max(abs(value), 1.0)

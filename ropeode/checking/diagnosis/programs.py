@@ -1,4 +1,4 @@
-"""The program that computed files of a rope, found by computing the same numbers.
+"""The program that computed files, found by computing the same numbers.
 
 A right program and one with a mistake are short loops of known formulas. Where such a loop, with
 one number changed or two, gives the positions in the files to rounding, over frames that were not
@@ -27,14 +27,18 @@ from ropeode.checking.diagnosis.methods import (
     semi_implicit_euler,
 )
 from ropeode.checking.diagnosis.rope_forces import (
-    Forces,
     Terms,
+    forces_of,
     has_rope_forces,
     initial_states,
+    is_autonomous,
     right_terms,
 )
+from ropeode.checking.trajectories.known_methods import VERLET_START
 from ropeode.checking.written_precision import last_digit
+from ropeode.precision import in_float64
 from ropeode.problems import Problem
+from ropeode.study import problem_class
 from ropeode.theory import is_rope
 from ropeode.theory.terms import TERMS, KnownMistake, known_mistakes
 
@@ -74,8 +78,9 @@ _ALIKE = 1e-4
 _AS_SINGLE, _APART = 10.0, 1.9
 
 KEPT = ("kept", "kept_first", "kept_last")
-# The terms that a rope without springs does not have.
+# The terms that a rope without springs does not have, and those that any problem has.
 _OF_SPRINGS = {"spring", "rest", "first_ends", "second_ends", "dashpot", "forces"}
+_OF_ANY = {*KEPT, "all", "old_forces", "old_gravity"}
 # The terms that one mistake changes alike.
 CHANGES: tuple[tuple[str, ...], ...] = (
     ("gravity",),
@@ -226,24 +231,24 @@ class _Run:
             single: whether lengths are rounded to single precision.
             shaken: by which part of their size the initial positions are off.
         """
-        args, dt = self._problem.args, self.dt
-        x, v = initial_states(self._problem, terms)
+        problem, dt = self._problem, self.dt
+        x, v = initial_states(problem, terms)
         x = x * (1.0 + shaken)
         kept = (terms["kept"] * terms["kept_first"])[:, None, None]
-        v = method.start(lambda x, v: Forces(args, terms)(x, kept * v), x, v, dt)
+        v = method.start(lambda x, v: forces_of(problem, terms)(x, kept * v), x, v, dt)
         kept_last = terms["kept_last"][:, None, None]
-        forces, last, samples = Forces(args, terms, single=single), x - dt * v, []
+        forces, last, samples = forces_of(problem, terms, single=single), x - dt * v, []
         for count in counts:
             for _ in range(count):
                 if method.restores == "before":
-                    x = _restored(x, args)
+                    x = _restored(x, problem.args)
                 if method.restores:
                     v = (x - last) / dt
                 last = x
                 x, v = method.step(forces, x, kept * v, dt)
                 v = kept_last * v
                 if method.restores == "after":
-                    x = _restored(x, args)
+                    x = _restored(x, problem.args)
             samples.append(x)
         return np.stack(samples, axis=1)
 
@@ -368,13 +373,14 @@ def _restored(x: np.ndarray, args: Any) -> np.ndarray:
     return np.stack(nodes, axis=2)
 
 
+@in_float64
 def programs_of(
     problem: Problem, runs: Runs, truth: np.ndarray, changes: int
 ) -> tuple[Program, ...]:
     """The programs that compute the positions of all runs in their first frames.
 
     Arguments:
-        problem: a rope, with springs or with rigid links.
+        problem: whose forces depend on no time, such as a rope with springs or with rigid links.
         runs: step size and states of each; not-a-number from where it diverged.
         truth: the right states, ``(times, *state)``.
         changes: 2 to look for two changes at once, of which one may be a slip in the method, where
@@ -385,10 +391,11 @@ def programs_of(
         decide; none if no method of `METHODS`, with so many changes, and none of `MISTAKEN`
         computes them.
     """
-    if not has_rope_forces(problem):
+    rope = has_rope_forces(problem)
+    if not (rope or is_autonomous(problem)):
         return ()
-    kind = "springs" if is_rope(problem) else "rigid links"
-    unforced = unforced_nodes(problem, runs, truth)
+    kind = "rigid links" if rope and not is_rope(problem) else "springs"
+    unforced = unforced_nodes(problem, runs, truth) if rope else Unforced((), ())
     if any(unforced):
         free, y0 = problem.args.free.copy(), problem.y0.copy()
         free[[*unforced.still, *unforced.drifting]] = 0.0
@@ -407,19 +414,17 @@ def programs_of(
     few = [run for run in precise[:1] if run.by_number()[0] <= _MOST_STEPS_OF_PAIRS]
     of_pairs = precise if few else []
     right, changed = [_RIGHT], [_RIGHT]
-    every = known_mistakes(problem.args)
+    every = known_mistakes(problem.args) if rope else []
     single = [_Guess.of(each) for each in every]
     mistakes = [each for each in single if each.mistakes[0].number is None]
     both = [_Guess.of(*each) for each in itertools.combinations(every, 2)]
+    own = {*TERMS} - (_OF_SPRINGS if kind == "rigid links" else set()) if rope else _OF_ANY
     for terms in CHANGES:
-        if kind == "springs" or not {*terms} & _OF_SPRINGS:
+        # The forces of any problem are known as a whole.
+        if own >= {*terms} and (rope or terms != ("old_forces",)):
             changed += [_Guess(terms, start) for start in TERMS[terms[0]].starts]
-    groups = [
-        Group(name, (name,), 1.0)
-        for name in _IN_PAIRS
-        if (kind == "springs" or name not in _OF_SPRINGS)
-        and name != ("further" if np.any(problem.args.damping) else "damping")
-    ]
+    unlikely = "further" if rope and np.any(problem.args.damping) else "damping"
+    groups = [Group(name, (name,), 1.0) for name in _IN_PAIRS if name in own - {unlikely}]
     methods = METHODS[kind]
     fine = known[0].by_number()[0] > _MOST_STEPS_OF_ITERATIONS
     quick = tuple(each for each in methods if not each.iterates)
@@ -432,7 +437,7 @@ def programs_of(
             (mistaken, lambda method: _programs(method, right, known, _Run.by_number)),
             (cheap, lambda method: _programs(method, mistakes, known, _Run.by_number)),
             (cheap, lambda method: _programs(method, changed, longer, _Run.by_number)),
-            (methods, lambda method: _in_single(method, longer)),
+            (methods if rope else (), lambda method: _in_single(method, longer)),
         ),
         2: (
             (quick, lambda method: _programs(method, both, of_pairs, _Run.by_number)),
@@ -445,11 +450,15 @@ def programs_of(
             found: list[Program] = []
             for method in of:
                 found += search(method)
-                if any(power(each) == 0.0 for each in found):
+                if any(power(each) == 0.0 for each in found if not each.is_right):
                     break
             powers = [each for each in found if power(each) is not None]
             if powers:
                 simple = [each for each in powers if power(each) == 0.0] or powers[:1]
+                if simple[0].is_right:
+                    # Methods may be the same on a problem, which then refutes none of their orders.
+                    damped = problem_class(problem).damped
+                    simple = [max(simple, key=lambda each: each.method.order_if(damped))]
                 return tuple(_named(each, problem, unforced) for each in simple)
     return ()
 
@@ -457,10 +466,13 @@ def programs_of(
 def _named(program: Program, problem: Problem, unforced: Unforced) -> Program:
     """A program with what is known beside the runs."""
     method, moves = program.method, bool(np.any(problem.y0[1]))
-    alike = method.step is semi_implicit_euler and method.start in (as_given, at_rest)
-    if alike and not moves and not method.restores:
-        name = "semi-implicit Euler (or Störmer-Verlet, which moves alike from rest)"
-        method = method._replace(name=name)
+    if method.step is semi_implicit_euler and not method.restores:
+        if not moves and method.start in (as_given, at_rest):
+            name = "semi-implicit Euler (or Störmer-Verlet, which moves alike from rest)"
+            method = method._replace(name=name)
+        elif moves and method.start is as_given and program.is_right:
+            name = "semi-implicit Euler (or Störmer-Verlet with x(-dt) = x(0) - dt * v(0))"
+            method = method._replace(name=name, remedy=VERLET_START)
     forgets = method.start is at_rest and moves
     return program._replace(method=method, unforced=unforced, forgets_velocity=forgets)
 

@@ -1,10 +1,12 @@
-"""A rope's forces with the terms that programs get wrong, for many copies of the rope at once."""
+"""Forces with the terms that programs get wrong, for many copies of a program at once."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import functools
+from collections.abc import Callable, Mapping
 from typing import Any
 
+import jax
 import numpy as np
 
 from ropeode.problems import Problem
@@ -38,9 +40,67 @@ def has_rope_forces(problem: Problem) -> bool:
 def initial_states(problem: Problem, terms: Terms) -> tuple[np.ndarray, np.ndarray]:
     """Positions and velocities with which copies of a program begin, ``(copies, dim, nodes)``."""
     copies, (x, v) = len(terms["velocity"]), problem.y0
+    if not has_rope_forces(problem):
+        return np.repeat(x[None], copies, axis=0), terms["velocity"][:, None, None] * v
     more = np.stack([terms[f"velocity_{axis}"] for axis in AXES[: len(v)]], axis=1)
     velocity = terms["velocity"][:, None, None] * v + more[:, :, None] * problem.args.free
     return np.repeat(x[None], copies, axis=0), velocity
+
+
+def forces_of(problem: Problem, terms: Terms, *, single: bool = False) -> Forces | AnyForces:
+    """Those of a problem in several copies of a program; arguments as for `Forces`."""
+    if has_rope_forces(problem):
+        return Forces(problem.args, terms, single=single)
+    return AnyForces(problem, terms)
+
+
+def is_autonomous(problem: Problem) -> bool:
+    """Whether a problem has accelerations that JAX evaluates and that depend on no time."""
+    if problem.mechanics is None or problem.y0.ndim != 3 or problem.in_python:
+        return False
+    a, (x, v) = problem.mechanics.acceleration, problem.y0
+    early, late = (np.asarray(a(t, x, v, problem.args)) for t in problem.ts[[0, -1]])
+    return np.array_equal(early, late)
+
+
+class AnyForces:
+    """The acceleration of any problem in several copies of a program.
+
+    Arguments:
+        problem: that `is_autonomous`.
+        terms: of the copies, of which those count that every problem has.
+    """
+
+    def __init__(self, problem: Problem, terms: Terms):
+        assert problem.mechanics is not None
+        self._problem, self._right = problem, _of_copies(problem.mechanics.acceleration)
+        self._of = {name: terms[name][:, None, None] for name in ("all", "kept", "old_forces")}
+        self.last: np.ndarray | None = None
+        self._old: np.ndarray | float = 0.0
+
+    def __call__(self, x: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """The acceleration, of which a program may keep a part for its next step.
+
+        Arguments:
+            x: positions, ``(copies, ...)`` as the problem has them.
+            v: velocities, likewise.
+        """
+        of, copies = self._of, len(x)
+        # One compiled program serves up to twice as many copies.
+        padded = (
+            np.resize(part, (1 << (copies - 1).bit_length(), *part.shape[1:]))
+            for part in (x, v / of["kept"])
+        )
+        force = np.asarray(self._right(self._problem.ts[0], *padded, self._problem.args))[:copies]
+        force = force + of["old_forces"] * self._old
+        self._old = force
+        self.last = of["all"] * force
+        return self.last
+
+
+@functools.lru_cache(maxsize=16)
+def _of_copies(acceleration: Callable) -> Callable:
+    return jax.jit(jax.vmap(acceleration, (None, 0, 0, None)))
 
 
 class Forces:
