@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ropeode.analysis import ObservedOrder
 from ropeode.checking.claims import checked_claims
 from ropeode.checking.convergence import finest_is_unstable
 from ropeode.checking.diagnosis.rope_forces import has_rope_forces
@@ -127,14 +126,6 @@ def grade(
     def other() -> Diagnosis | None:
         return other_rope(reference, known, lambda problem: reference_for(problem, options))
 
-    def start(order: ObservedOrder) -> Diagnosis | None:
-        # Not above: right programs do not need it.
-        from ropeode.checking.diagnosis.start import diagnose_start_of_runs
-
-        return diagnose_start_of_runs(
-            reference, known, order, lambda problem: reference_for(problem, options)
-        )
-
     @functools.cache
     def program(changes: int = 1) -> Diagnosis | None:
         # What needs fewer changes is none with more of them.
@@ -166,7 +157,7 @@ def grade(
         if wrong and late is None and mistake and _refutes(mistake, claims, expected):
             diagnosis = (mistake,)
         elif wrong:
-            causes = (expected, late, other, departs, program, start)
+            causes = (expected, late, other, departs, program)
             diagnosis = _diagnosed(reference, known, own_files, order, *causes)
         elif late is not None and _is_unintended(late, order):
             # No claim is refuted, but such a program is hardly intended.
@@ -347,7 +338,6 @@ def _diagnosed(
     other: Callable[[], Diagnosis | None],
     departs: Callable[[], Diagnosis | None],
     program: Callable[..., Diagnosis | None],
-    start: Callable[[ObservedOrder], Diagnosis | None],
 ) -> tuple[Diagnosis, ...]:
     """What is wrong with the files, or what they solve instead of the problem."""
     if (found := late or departs()) is not None:
@@ -362,9 +352,6 @@ def _diagnosed(
     orders = {} if order.convergence is None else order.convergence.orders
     if all(each.verdict == "converges" for each in orders.values()) and (named := program()):
         return (named,)
-    positions = orders.get(reference.problem.quantities[0])
-    if positions is not None and (began := start(positions)) is not None:
-        return (began,)
     solved = _solved(reference, runs)
     if solved[0].cause == "unknown" and not has_rope_forces(reference.problem):
         # Of ropes the methods have been tried already.

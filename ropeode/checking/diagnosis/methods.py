@@ -29,6 +29,7 @@ Step = Callable[[Acceleration, np.ndarray, np.ndarray, float], State]
 # The velocities with which a program begins.
 Start = Callable[[Law, np.ndarray, np.ndarray, float], np.ndarray]
 
+VERLET_START = "for Verlet, start with x(-dt) = x(0) - dt * v(0) + dt**2 / 2 * a(0)"
 # Of a velocity on which its own damping depends.
 _ITERATIONS, _ROUNDING = 8, 1e-15
 
@@ -142,6 +143,11 @@ def _by_taylor(a: Law, x: np.ndarray, v: np.ndarray, dt: float) -> np.ndarray:
     return v - 0.5 * dt * a(x, v)
 
 
+def _without_acceleration(a: Law, x: np.ndarray, v: np.ndarray, dt: float) -> np.ndarray:
+    """The way of a step that leads to the initial position, from which dt * v(0) leads on."""
+    return v - dt * a(x, v)
+
+
 def _half_kick(a: Law, x: np.ndarray, v: np.ndarray, dt: float) -> np.ndarray:
     """The velocity half a step before, from which a whole kick gives that half a step later."""
     return _implicit_velocity(a, x, v + 0.5 * dt * a(x, v), -dt)
@@ -189,6 +195,13 @@ METHODS = {
         ),
         Method("Störmer-Verlet that starts at rest", 1, semi_implicit_euler, at_rest),
         Method("Störmer-Verlet", (2, 1), semi_implicit_euler, _by_taylor),
+        Method(
+            "Störmer-Verlet whose first step is x(dt) = x(0) + dt * v(0)",
+            1,
+            semi_implicit_euler,
+            _without_acceleration,
+            remedy=VERLET_START,
+        ),
         Method("leapfrog", (2, 1), semi_implicit_euler, _half_kick),
         Method("semi-implicit Euler, positions first", 1, _positions_first),
         Method("velocity Verlet", 2, _velocity_verlet()),

@@ -21,6 +21,7 @@ from ropeode.checking.diagnosis.limits import Runs
 from ropeode.checking.diagnosis.methods import (
     METHODS,
     MISTAKEN,
+    VERLET_START,
     Method,
     as_given,
     at_rest,
@@ -34,7 +35,6 @@ from ropeode.checking.diagnosis.rope_forces import (
     is_autonomous,
     right_terms,
 )
-from ropeode.checking.trajectories.known_methods import VERLET_START
 from ropeode.checking.written_precision import last_digit
 from ropeode.precision import in_float64
 from ropeode.problems import Problem

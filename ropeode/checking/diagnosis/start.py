@@ -2,44 +2,15 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from ropeode.analysis import ObservedOrder, distances
+from ropeode.checking.diagnosis.methods import VERLET_START
 from ropeode.checking.report import Diagnosis
-from ropeode.checking.trajectories.convergence import order_finding
-from ropeode.checking.trajectories.known_methods import VERLET_START
-from ropeode.checking.trajectories.run_files import Run
-from ropeode.checking.trajectories.time_errors import RUNS, explains
-from ropeode.errors import ReferenceRefused
-from ropeode.norms import NORMS
-from ropeode.problems import Problem
-from ropeode.progress import silent
-from ropeode.references import Reference
-from ropeode.simulation import simulate
 from ropeode.theory import Expansion, derivative_of_rhs, projected
 
 _EXPLAINED, _CLOSE = 1e-2, 1e-2
-# A start explains runs that are so many times nearer to the motion from it.
-_NEARER = 10.0
-# Positions that converge with less than this are not of order 2.
-_SECOND = 1.5
-# A method of high order, and its steps per frame, that soon show whether a start may explain runs.
-_TRIED, _STEPS = "dormand-prince8", 64
-# The first step of Verlet's method, as people write it, by how many steps of acceleration it adds
-# to the initial velocity.
-_FIRST_STEPS = {
-    0.5: (
-        "x(-dt) = x(0) - dt v(0), without the acceleration, as semi-implicit Euler and a velocity "
-        "that begins with a whole step do, too"
-    ),
-    -0.5: (
-        "x(dt) = x(0) + dt v(0), without the acceleration (explicit Euler moves so, too, while "
-        "forces hardly change)"
-    ),
-}
 
 
 def diagnose_start(expansions: Sequence[Expansion], expected: int) -> Diagnosis | None:
@@ -108,99 +79,6 @@ def diagnose_start(expansions: Sequence[Expansion], expected: int) -> Diagnosis 
         what = " and ".join(texts)
     line = f"the start of the method is of order {order}: {what}"
     return Diagnosis("start", line, evidence, VERLET_START)
-
-
-def diagnose_start_of_runs(
-    reference: Reference,
-    runs: Sequence[Run],
-    order: ObservedOrder,
-    certified: Callable[[Problem], Reference],
-) -> Diagnosis | None:
-    """A wrong initial velocity from which the steps of runs are right.
-
-    Arguments:
-        reference: of the problem.
-        runs: from coarse to fine.
-        order: of their positions.
-        certified: makes the reference of a problem.
-    """
-    problem = reference.problem
-    if problem.mechanics is None:
-        return None
-    try:
-        if order.verdict != "converges":
-            return _forgotten(reference, runs, certified) if np.any(problem.y0[1]) else None
-        low = order.observed is not None and order.observed < _SECOND
-        return _first_step(reference, runs, certified) if low else None
-    except ReferenceRefused:
-        return None
-
-
-def _from(problem: Problem, velocity: np.ndarray) -> Problem:
-    """The same problem with another initial velocity, whose exact solution is not known."""
-    return problem.changed(y0=np.stack([problem.y0[0], velocity]), exact=None)
-
-
-def _off(run: Run, reference: Reference) -> float:
-    norm = NORMS[f"{reference.problem.quantities[0]}-max"]
-    return float(np.max(distances(run.states, reference, norm)))
-
-
-def _forgotten(
-    reference: Reference, runs: Sequence[Run], certified: Callable[[Problem], Reference]
-) -> Diagnosis | None:
-    """Runs of the problem that begin at rest, where it begins in motion."""
-    problem, finest = reference.problem, runs[-1]
-    rest = _from(problem, np.zeros_like(problem.y0[1]))
-    own = _off(finest, reference)
-    tried = simulate(rest, _TRIED, _STEPS, progress=silent)
-    seen = dataclasses.replace(reference, problem=rest, states=tried.states)
-    if tried.status != "ok" or own < _NEARER * _off(finest, seen):
-        return None
-    other = certified(rest)
-    first = finest.values[0].copy()
-    first[:, finest.layout.dim :] = 0.0
-    theirs = [
-        dataclasses.replace(run, problem=rest, values=np.concatenate([first[None], run.values[1:]]))
-        for run in runs
-    ]
-    finding, _ = order_finding(other, theirs, None)
-    if finding.status != "pass" or own < _NEARER * _off(finest, other):
-        return None
-    line = (
-        "the initial velocity is forgotten, as where the first step begins with the last position "
-        f"at the first one, x(-dt) = x(0): against the same problem from rest, {finding.line}"
-    )
-    return Diagnosis("start", line, {"error": own, "from_rest": _off(finest, other)}, VERLET_START)
-
-
-def _first_step(
-    reference: Reference, runs: Sequence[Run], certified: Callable[[Problem], Reference]
-) -> Diagnosis | None:
-    """Runs that begin with half a step of acceleration too much, or too little."""
-    problem, half = reference.problem, 0.5 * runs[-1].dt
-    a = np.asarray(problem.rhs(problem.ts[0], problem.y0, problem.args))[1]
-    other = certified(_from(problem, problem.y0[1] + half * a))
-    trusted = min(reference.trusted, other.trusted)
-    # How far the positions are moved by the acceleration in the initial velocity, per dt.
-    slope = ((other.states - reference.states) / half)[:trusted, 0]
-    fine = [*runs[: -1 - RUNS : -1]]
-    errors = [(run.states[:trusted] - reference.states[:trusted])[:, 0] for run in fine]
-    for steps, words in _FIRST_STEPS.items():
-        parts = [
-            float(np.max(np.abs(error - steps * run.dt * slope)) / np.max(np.abs(error)))
-            for run, error in zip(fine, errors, strict=True)
-        ]
-        if explains(parts, [run.dt for run in fine]):
-            line = (
-                f"the first step is {words}; so the positions are those of a method of higher "
-                f"order that begins with v(0) {'+' if steps > 0 else '-'} dt/2 a(0), which "
-                f"explains {100.0 * (1.0 - parts[0]):.3g}% of their errors at dt = {fine[0].dt:.4g}"
-            )
-            return Diagnosis(
-                "start", line, {"left_over": parts[0], "velocity": steps}, VERLET_START
-            )
-    return None
 
 
 def _is_handed_out(expansions: Sequence[Expansion], order: int) -> bool:

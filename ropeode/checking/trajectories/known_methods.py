@@ -13,6 +13,7 @@ import numpy as np
 
 from ropeode.analysis import distances, largest_distance, moved
 from ropeode.checking.convergence import PLURAL
+from ropeode.checking.diagnosis.methods import VERLET_START
 from ropeode.checking.report import Diagnosis
 from ropeode.checking.trajectories.convergence import first_frames, worst_rounding
 from ropeode.checking.trajectories.layout import samples_of
@@ -54,8 +55,6 @@ _ALIKE, _BEGINS, _SAME, _OF_ERRORS = 0.01, 0.1, 1e-9, 1e-3
 MOST_IN_PYTHON = 2048
 # How far from a whole number the steps in a frame may be, by rounding of dt.
 WHOLE = 1e-3
-
-VERLET_START = "for Verlet, start with x(-dt) = x(0) - dt * v(0) + dt**2 / 2 * a(0)"
 
 
 class Actor:
