@@ -115,8 +115,9 @@ def without_new_force(x, v, a, dt):
     return x + dt * v + dt * dt / 2 * a(x, v), v + dt * a(x, v)
 
 
-# Steps with a mistake, by what the acceleration is multiplied, and what is said of them.
+# What is said of a step, and by what it multiplies the acceleration and the initial velocity.
 MISTAKES = {
+    "the initial velocity is left out. With this change, the midpoint method": (midpoint, 1.0, 0.0),
     "the acceleration has the wrong sign": (euler, -1.0),
     "the acceleration is 0.5% too large. With this change, the midpoint method": (midpoint, 1.005),
     "each step keeps 0.9995 of the velocity, however long": (damped_euler, 1.0),
@@ -127,7 +128,7 @@ MISTAKES = {
 @pytest.mark.parametrize("words", MISTAKES)
 @pytest.mark.parametrize("problem", ["planet", "damped"])
 def test_a_mistake_in_a_known_method_is_named(known, tmp_path, problem, words):
-    (step, factor), own = MISTAKES[words], known[problem].problem
+    (step, factor, *of_start), own = MISTAKES[words], known[problem].problem
     acceleration = jax.jit(own.mechanics.acceleration)
 
     def a(x, v):
@@ -137,11 +138,12 @@ def test_a_mistake_in_a_known_method_is_named(known, tmp_path, problem, words):
     files = []
     for n in (16, 32, 64):
         (x, v), dt = own.y0, float(own.ts[1]) / n
-        rows = [np.hstack([x, v])]
+        v = np.prod(of_start) * v
+        rows = [x]
         for _ in own.ts[1:]:
             for _ in range(n):
                 x, v = step(x, v, a, dt)
-            rows.append(np.hstack([x, v]))
+            rows.append(x)
         files.append(WRITERS[".npz"](tmp_path / f"{n}.npz", own.ts, np.array(rows), dt))
     report = grade(files, known[problem], expected_order=2)
     assert report.verdict == "wrong"

@@ -80,9 +80,10 @@ _AS_SINGLE, _APART = 10.0, 1.9
 KEPT = ("kept", "kept_first", "kept_last")
 # The terms that a rope without springs does not have, and those that any problem has.
 _OF_SPRINGS = {"spring", "rest", "first_ends", "second_ends", "dashpot", "forces"}
-_OF_ANY = {*KEPT, "all", "old_forces", "old_gravity"}
+_OF_ANY = {*KEPT, "all", "old_forces", "old_gravity", "velocity"}
 # The terms that one mistake changes alike.
 CHANGES: tuple[tuple[str, ...], ...] = (
+    ("velocity",),
     ("gravity",),
     ("spring",),
     ("rest",),
@@ -103,7 +104,7 @@ CHANGES: tuple[tuple[str, ...], ...] = (
 # Of these any two may be changed at once.
 _IN_PAIRS = (
     *("gravity", "spring", "rest", "first_ends", "second_ends", "damping", "further", "dashpot"),
-    *("per_spring", "forces", "kept"),
+    *("per_spring", "forces", "kept", "velocity"),
 )
 
 
@@ -419,6 +420,8 @@ def programs_of(
     mistakes = [each for each in single if each.mistakes[0].number is None]
     both = [_Guess.of(*each) for each in itertools.combinations(every, 2)]
     own = {*TERMS} - (_OF_SPRINGS if kind == "rigid links" else set()) if rope else _OF_ANY
+    if not np.any(problem.y0[1]):
+        own = own - {"velocity"}
     for terms in CHANGES:
         # The forces of any problem are known as a whole.
         if own >= {*terms} and (rope or terms != ("old_forces",)):
