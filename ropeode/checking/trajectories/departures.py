@@ -87,22 +87,39 @@ class _Departure(NamedTuple):
     Fields:
         run: from a file.
         made: the same of the method.
-        frame: the first one in which they differ.
-        apart: by how much there, as a part of the motion.
-        before: the largest difference in earlier frames.
+        parts: how far they are apart, as a part of the motion, ``(samples, nodes)``.
         same: how closely positions agree that are the same.
-        node: that has departed farthest there.
-        later: the largest difference in each frame.
     """
 
     run: Run
     made: Run
-    frame: int
-    apart: float
-    before: float
+    parts: np.ndarray
     same: float
-    node: int
-    later: np.ndarray
+
+    @property
+    def later(self) -> np.ndarray:
+        """The largest difference in each sample."""
+        return np.max(self.parts, axis=1)
+
+    @property
+    def frame(self) -> int:
+        """The first one in which they differ; 0 if they never do."""
+        return int(np.argmax(self.later > self.same))
+
+    @property
+    def apart(self) -> float:
+        """By how much they do there."""
+        return float(self.later[self.frame])
+
+    @property
+    def before(self) -> float:
+        """The largest difference in earlier frames."""
+        return float(np.max(self.later[: self.frame]))
+
+    @property
+    def node(self) -> int:
+        """That has departed farthest there."""
+        return int(np.argmax(self.parts[self.frame]))
 
     @property
     def positions(self) -> tuple[np.ndarray, np.ndarray]:
@@ -161,27 +178,10 @@ def _of(reference: Reference, runs: Sequence[Run], actor: Actor) -> list[_Depart
         if made is None or apart is None:
             found = []
             continue
-        parts, same = apart
-        if np.max(parts[1]) > same:
+        each = _Departure(run, made, *apart)
+        if each.later[1] > each.same:
             return []
-        departed = np.flatnonzero(np.max(parts, axis=1) > same)
-        if not len(departed) or not _is_sudden(reference, actor, steps, parts, same):
-            found = []
-            continue
-        frame = int(departed[0])
-        largest = np.max(parts, axis=1)
-        found.append(
-            _Departure(
-                run,
-                made,
-                frame,
-                float(largest[frame]),
-                float(np.max(largest[:frame])),
-                same,
-                int(np.argmax(parts[frame])),
-                largest,
-            )
-        )
+        found = [*found, each] if _is_sudden(reference, actor, steps, each) else []
     return found if _is_certain(reference, found) else []
 
 
@@ -210,25 +210,22 @@ def _apart(reference: Reference, run: Run, made: np.ndarray) -> tuple[np.ndarray
     return np.max(np.abs(run.values[:end, :, :dim] - made[:end, :, :dim]), axis=2) / way, same
 
 
-def _is_sudden(
-    reference: Reference, actor: Actor, steps: int, parts: np.ndarray, same: float
-) -> bool:
+def _is_sudden(reference: Reference, actor: Actor, steps: int, each: _Departure) -> bool:
     """Whether no rounding can have grown so far, as another run shows that begins near by."""
-    problem, largest = reference.problem, np.max(parts, axis=1)
-    frame = int(np.argmax(largest > same))
-    if largest[frame] < max(_DEPARTS, _OF_GROWTH * same):
+    problem, frame, same = reference.problem, each.frame, each.same
+    if not frame or each.apart < max(_DEPARTS, _OF_GROWTH * same):
         return False
     way = moved(reference, NORMS[f"{problem.quantities[0]}-max"])
     change = same * way * np.random.default_rng(_SEED).standard_normal(problem.y0.shape)
     if problem.mechanics is not None:
         change[1] /= problem.ts[1] - problem.ts[0]
     near = problem.with_numbers(problem.y0 + change, problem.args, problem.parameters)
-    shaken, made = Actor(actor.name, near, actor.columns).run(steps), actor.run(steps)
-    if shaken is None or made is None:
+    shaken, dim = Actor(actor.name, near, actor.columns).run(steps), each.made.layout.dim
+    if shaken is None:
         return False
-    grown = np.max(np.abs(shaken.values - made.values)[..., : made.layout.dim], axis=(1, 2)) / way
+    grown = np.max(np.abs(shaken.values - each.made.values)[..., :dim], axis=(1, 2)) / way
     growth = grown[frame] / max(float(np.min(grown[:frame])), _LAST_BIT)
-    return bool(largest[frame] > _OF_GROWTH * same * max(growth, 1.0))
+    return bool(each.apart > _OF_GROWTH * same * max(growth, 1.0))
 
 
 def _is_certain(reference: Reference, found: Sequence[_Departure]) -> bool:
