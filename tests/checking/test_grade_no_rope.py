@@ -61,6 +61,8 @@ def test_what_is_exact_on_a_parabola_is_right(known, tmp_path, stepper, order, v
     report = grade(files, known["ball"], expected_order=order)
     assert report.verdict == "right"
     assert said in finding(report).line
+    # There it is RK4 as well, which is not symplectic.
+    assert grade(files, known["ball"], method=stepper).verdict == "right"
 
 
 def test_what_is_too_precise_to_tell_its_order_is_not_called_exact(known, tmp_path):
@@ -70,6 +72,13 @@ def test_what_is_too_precise_to_tell_its_order_is_not_called_exact(known, tmp_pa
     assert report.verdict == "right"
     assert "exact on this problem" not in finding(report).line
     assert report.findings[1].convergence.orders["position"].observed is None
+
+
+def test_methods_that_are_the_same_here_refute_none(known, tmp_path):
+    """Few digits leave the order open; that the parabola is RK4's as well says nothing."""
+    how = {"suffix": ".csv", "digits": "%.9g"}
+    files = write_runs(tmp_path, BALL, "yoshida6", (8, 16, 32), **how)
+    assert grade(files, known["ball"], method="yoshida6").verdict != "wrong"
 
 
 STARTS = {

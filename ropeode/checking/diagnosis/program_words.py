@@ -75,6 +75,12 @@ def diagnose_program(
         others = [each for each in others if each.changed != ("further",)]
     misfit = f"to {program.misfit:.1g} of the motion" if program.misfit else "exactly"
     same = f"{misfit}, over the first {program.frames} frames"
+    if program.alike:
+        evidence = {"methods": [*program.alike], "misfit": program.misfit}
+        words = (
+            f"the positions are those of {listed(program.alike)}, which are the same here, {same}"
+        )
+        return Diagnosis("method", words, evidence)
     if program.is_right:
         method, words = program.method, ""
         order = method.order_if(problem_class(problem).damped)

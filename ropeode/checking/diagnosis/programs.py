@@ -135,6 +135,8 @@ class Program(NamedTuple):
         single: whether lengths in single precision explain the difference.
         mistakes: known ones that change these terms, in place of a number that was found.
         also: the same with a second change.
+        alike: the methods that compute the same here, if they have different orders: then nothing
+            is known of the method.
     """
 
     method: Method
@@ -148,6 +150,7 @@ class Program(NamedTuple):
     single: bool = False
     mistakes: tuple[KnownMistake, ...] = ()
     also: Program | None = None
+    alike: tuple[str, ...] = ()
 
     @property
     def is_right(self) -> bool:
@@ -459,11 +462,16 @@ def programs_of(
             if powers:
                 simple = [each for each in powers if power(each) == 0.0] or powers[:1]
                 if simple[0].is_right:
-                    # Methods may be the same on a problem, which then refutes none of their orders.
-                    damped = problem_class(problem).damped
-                    simple = [max(simple, key=lambda each: each.method.order_if(damped))]
+                    simple = [_of_methods(simple, damped=problem_class(problem).damped)]
                 return tuple(_named(each, problem, unforced) for each in simple)
     return ()
+
+
+def _of_methods(programs: Sequence[Program], *, damped: bool) -> Program:
+    """The first of right programs that compute the same, with what is known of their methods."""
+    methods = [each.method for each in programs]
+    several = len({each.order_if(damped) for each in methods}) > 1
+    return programs[0]._replace(alike=tuple(each.name for each in methods) if several else ())
 
 
 def _named(program: Program, problem: Problem, unforced: Unforced) -> Program:

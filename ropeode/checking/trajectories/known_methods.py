@@ -208,8 +208,11 @@ class Identity(NamedTuple):
         return self.complete and {*self.orders} == {expected}
 
     def refutes(self, expected: int | None) -> bool:
-        """Whether none of the methods has the order that is claimed, or converges at all."""
-        return max(self.orders) < (expected or 1)
+        """Whether the methods have another order than is claimed, or do not converge at all.
+
+        Methods of different orders that compute the same tell nothing of each other.
+        """
+        return len({*self.orders}) == 1 and max(self.orders) < (expected or 1)
 
     @property
     def line(self) -> str:
