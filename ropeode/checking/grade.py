@@ -197,9 +197,7 @@ def _order(
     if finding.status == "fail":
         return finding, notes
     if named is not None and _refutes(named, claims, expected):
-        evidence = {**finding.evidence, **named.evidence}
-        line = f"no order; {named.line}"
-        return dataclasses.replace(finding, status="fail", line=line, evidence=evidence), ()
+        return _refuted(finding, named), ()
     known = finite(runs)
     if len(known) >= FEWEST:
         late = late_samples(reference, known)
@@ -215,9 +213,7 @@ def _order(
             return Finding("order", "fail", "no order; the files fit another rope"), ()
     # Of all changes to the program, two at once take the longest to find.
     if (named := program(2)) is not None:
-        evidence = {**finding.evidence, **named.evidence}
-        line = f"no order; {named.line}"
-        return dataclasses.replace(finding, status="fail", line=line, evidence=evidence), ()
+        return _refuted(finding, named), ()
     # Not above: it runs steppers, which takes longer than all the rest.
     if (same := same_method(reference, runs)) is not None:
         stable = finding.convergence is not None and not finest_is_unstable(finding.convergence)
@@ -227,6 +223,13 @@ def _order(
             return Finding("order", "fail", f"no order; {same.line}"), ()
     advice = functools.partial(more_runs, reference, runs, claims, expected)
     return order_finding(reference, runs, expected, advice)
+
+
+def _refuted(finding: Finding, named: Diagnosis) -> Finding:
+    """Without an order, the program that is named decides."""
+    evidence = {**finding.evidence, **named.evidence}
+    line = f"no order; {named.line}"
+    return dataclasses.replace(finding, status="fail", line=line, evidence=evidence)
 
 
 def _is_symplectic(claims: Claims) -> bool:

@@ -30,6 +30,7 @@ from ropeode.checking.diagnosis.methods import (
 from ropeode.checking.diagnosis.rope_forces import (
     Terms,
     forces_of,
+    has_rigid_links,
     has_rope_forces,
     initial_states,
     is_autonomous,
@@ -39,7 +40,6 @@ from ropeode.checking.written_precision import last_digit
 from ropeode.precision import in_float64
 from ropeode.problems import Problem
 from ropeode.study import problem_class
-from ropeode.theory import is_rope
 from ropeode.theory.terms import TERMS, KnownMistake, known_mistakes
 
 # A number is found in the first frame; the program must then give those up to here as well. Where
@@ -398,7 +398,7 @@ def programs_of(
     rope = has_rope_forces(problem)
     if not (rope or is_autonomous(problem)):
         return ()
-    kind = "rigid links" if rope and not is_rope(problem) else "springs"
+    kind = "rigid links" if has_rigid_links(problem) else "springs"
     unforced = unforced_nodes(problem, runs, truth) if rope else Unforced((), ())
     if any(unforced):
         free, y0 = problem.args.free.copy(), problem.y0.copy()

@@ -10,6 +10,7 @@ import jax
 import numpy as np
 
 from ropeode.problems import Problem
+from ropeode.theory import is_rope
 from ropeode.theory.terms import AXES, LAWS, TERMS
 
 # The numbers of a rope without springs.
@@ -35,6 +36,11 @@ def has_rope_forces(problem: Problem) -> bool:
         and np.shape(problem.args.mass) == problem.y0.shape[2:]
         and np.size(problem.args.gravity) == problem.y0.shape[1] <= len(AXES)
     )
+
+
+def has_rigid_links(problem: Problem) -> bool:
+    """Whether a problem is a rope without springs."""
+    return has_rope_forces(problem) and not is_rope(problem)
 
 
 def initial_states(problem: Problem, terms: Terms) -> tuple[np.ndarray, np.ndarray]:

@@ -9,7 +9,7 @@ import jax
 import numpy as np
 
 from ropeode.analysis import distances, moved
-from ropeode.checking.diagnosis.rope_forces import has_rope_forces
+from ropeode.checking.diagnosis.rope_forces import has_rigid_links
 from ropeode.checking.report import Diagnosis
 from ropeode.checking.simple_numbers import shortest
 from ropeode.checking.trajectories.known_methods import (
@@ -142,7 +142,7 @@ def departure(reference: Reference, runs: Sequence[Run]) -> Diagnosis | None:
     known = finite(runs)
     if not known or steps_per_frame(known)[0] > MOST_IN_PYTHON:
         return None
-    first, rigid = known[0], _has_rigid_links(reference.problem)
+    first, rigid = known[0], has_rigid_links(reference.problem)
 
     def begins(made: np.ndarray) -> bool:
         parts = _apart(reference, first, samples_of(first.problem, made))
@@ -162,11 +162,6 @@ def departure(reference: Reference, runs: Sequence[Run]) -> Diagnosis | None:
         ):
             return _diagnosis(reference, [*found], next(iter(found.values())))
     return None
-
-
-def _has_rigid_links(problem: Problem) -> bool:
-    """Whether a problem is a rope without springs."""
-    return has_rope_forces(problem) and not is_rope(problem)
 
 
 def _of(reference: Reference, runs: Sequence[Run], actor: Actor) -> list[_Departure]:
@@ -271,7 +266,7 @@ def _acts_before(problem: Problem, states: np.ndarray, frame: int) -> bool:
         states: its solution, ``(times, *state)``.
         frame: in which a run departs from a method.
     """
-    if _has_rigid_links(problem):
+    if has_rigid_links(problem):
         # They pull from the first step on; that they ask which ends are free is no corner.
         return True
     if problem.in_python:
