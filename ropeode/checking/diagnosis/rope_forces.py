@@ -120,19 +120,31 @@ class Forces:
 
     def __init__(self, args: Any, terms: Terms, *, single: bool = False):
         self._args, self._single = args, single
-        self._of = {name: value.reshape(len(value), 1, -1) for name, value in terms.items()}
+        of = {name: value.reshape(len(value), 1, -1) for name, value in terms.items()}
+        # Most terms are right in all copies, and cost nothing then.
+        self._of = {name: of[name] for name in TERMS if np.any(of[name] != TERMS[name].expected)}
         gravity = np.reshape(args.gravity, (-1, 1))
-        more = [self._of[f"gravity_{axis}"] for axis in AXES[: len(gravity)]]
-        self._gravity = self._of["gravity"] * gravity + np.concatenate(more, axis=1)
+        more = [of[f"gravity_{axis}"] for axis in AXES[: len(gravity)]]
+        self._gravity = of["gravity"] * gravity + np.concatenate(more, axis=1)
         self.last: np.ndarray | None = None
         self._old_force: np.ndarray | float = 0.0
         self._old_gravity: np.ndarray | float = 0.0
         springs_at = np.ones(len(args.mass))
         springs_at[1:-1] = 2.0
-        further = self._of["further"] + self._of["per_spring"] * springs_at
-        self._drag, self._further = -self._of["damping"] * args.damping, -further
+        self._further = -of["further"] - of["per_spring"] * springs_at
+        self._drag, self._moves = -of["damping"] * args.damping, of["all"] * args.free
+        if hasattr(args, "stiffness"):
+            self._stiffness = of["spring"] * args.stiffness
+            self._rest_length = of["rest"] * args.rest_length
         self._at: np.ndarray | None = None
-        self._laws = {name for name in ("dashpot", *LAWS) if np.any(terms[name])}
+        self._laws = {
+            kind: [
+                (law.factor, of[name] != 0.0)
+                for name, law in LAWS.items()
+                if law.kind == kind and np.any(of[name])
+            ]
+            for kind in ("damping", "spring")
+        }
 
     def __call__(self, x: np.ndarray, v: np.ndarray) -> np.ndarray:
         """The acceleration, of which a program may keep a part for its next step.
@@ -141,19 +153,25 @@ class Forces:
             x: positions, ``(copies, dim, nodes)``.
             v: velocities, likewise.
         """
-        of, args = self._of, self._args
-        v = v / of["kept"]
-        force = self._lawful("damping", self._drag, v=v) * v + self._further * v
-        if hasattr(args, "stiffness"):
+        of, gravity = self._of, self._gravity
+        if "kept" in of:
+            v = v / of["kept"]
+        force = (self._lawful("damping", self._drag, v=v) + self._further) * v
+        if hasattr(self._args, "stiffness"):
             pull = self._pull(x, v)
-            force[:, :, :-1] += of["first_ends"] * pull
-            force[:, :, 1:] -= of["second_ends"] * pull
-        force = of["forces"] * force + of["old_forces"] * self._old_force
-        gravity = self._gravity + of["old_gravity"] * self._old_gravity
-        self._old_force, self._old_gravity = force, gravity
-        acceleration = of["all"] * args.free * (force / args.mass + gravity)
-        self.last = acceleration
+            force[:, :, :-1] += self._times("first_ends", pull)
+            force[:, :, 1:] -= self._times("second_ends", pull)
+        force = self._times("forces", force)
+        if "old_forces" in of:
+            self._old_force = force = force + of["old_forces"] * self._old_force
+        if "old_gravity" in of:
+            self._old_gravity = gravity = gravity + of["old_gravity"] * self._old_gravity
+        self.last = acceleration = self._moves * (force / self._args.mass + gravity)
         return acceleration
+
+    def _times(self, name: str, values: np.ndarray) -> np.ndarray:
+        """Values times a term that is 1 in right programs."""
+        return self._of[name] * values if name in self._of else values
 
     def _pull(self, x: np.ndarray, v: np.ndarray) -> np.ndarray:
         """The force of each spring on the node before it."""
@@ -161,27 +179,23 @@ class Forces:
         if x is not self._at:
             self._at, self._springs = x, self._tensions(x)
         tension, along = self._springs
-        if "dashpot" in self._laws:
+        if "dashpot" in self._of:
             apart = np.einsum("cdn,cdn->cn", v[:, :, 1:] - v[:, :, :-1], along)[:, None]
             tension = tension + self._of["dashpot"] * apart
         return tension * along
 
     def _tensions(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The tension of each spring without its damping, and its direction."""
-        of, args = self._of, self._args
         d = x[:, :, 1:] - x[:, :, :-1]
         length = np.sqrt(np.einsum("cdn,cdn->cn", d, d))[:, None]
         if self._single:
             length = length.astype(np.float32).astype(np.float64)
-        stretch = length - of["rest"] * args.rest_length
-        tension = of["spring"] * args.stiffness * stretch
-        tension = self._lawful("spring", tension, length=length, stretch=stretch)
+        stretch = length - self._rest_length
+        tension = self._lawful("spring", self._stiffness * stretch, length=length, stretch=stretch)
         return tension, d / length
 
     def _lawful(self, kind: str, right: np.ndarray, **measures: np.ndarray) -> np.ndarray:
         """A term as the copies have it whose law is another."""
-        for name in self._laws & {*LAWS}:
-            if LAWS[name].kind == kind:
-                factor = LAWS[name].factor(**measures)
-                right = np.where(self._of[name] != 0.0, right * factor, right)
+        for factor, has_it in self._laws[kind]:
+            right = np.where(has_it, right * factor(**measures), right)
         return right
