@@ -193,17 +193,14 @@ def stable_steps_at_rest(problem: Problem, stepper: Any) -> StableSteps:
     return stable_steps(lambda steps: linearised.growth(steps).stable, linearised.frame)
 
 
-def stable_steps(
-    stable: Callable[[float], bool], frame: float, most: int = MOST_STEPS_OF_GROWTH
-) -> StableSteps:
+def stable_steps(stable: Callable[[float], bool], frame: float) -> StableSteps:
     """Both limits: as a number of steps per frame, and by bisection as a step size.
 
     Arguments:
         stable: whether it is, with so many steps per frame, which need be no whole number.
         frame: the length of a frame.
-        most: how many steps per frame are tried.
     """
-    steps = fewest_steps(stable, most)
+    steps = fewest_steps(stable)
     if steps is None:
         return StableSteps(None, 0.0)
     low, high = frame / steps, 2.0 * frame / steps
@@ -211,10 +208,21 @@ def stable_steps(
         low, high = high, 2.0 * high
         if high > MOST_STEPS_OF_GROWTH * frame / steps:
             return StableSteps(steps, math.inf)
-    while high - low > _PRECISION * high:
+    return StableSteps(steps, bisected(lambda dt: stable(frame / dt), low, high, _PRECISION))
+
+
+def bisected(stable: Callable[[float], bool], low: float, high: float, precision: float) -> float:
+    """The end of what is stable, between a value that is and a higher one that is not.
+
+    Arguments:
+        stable: whether a value is.
+        low, high: the two.
+        precision: how far the end may be off, as a part of it.
+    """
+    while high - low > precision * high:
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if stable(frame / middle) else (low, middle)
-    return StableSteps(steps, low)
+        low, high = (middle, high) if stable(middle) else (low, middle)
+    return float(low)
 
 
 class _Linearised:

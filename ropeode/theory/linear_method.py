@@ -177,21 +177,13 @@ class LinearMethod:
         )
         if self.is_one_step:
             return True
-        # Those numbers of what is carried that the state moves, and that move the state. Where
-        # the two components go their own ways, what belongs to the first will do.
-        real = args.copy()
-        real[:, 1] = 0.0
-        self._kept = self._that_counts(args, slice(None))
-        self._kept_if_real = self._that_counts(real, slice(None, None, 2))
-        return True
-
-    def _that_counts(self, args: np.ndarray, numbers: slice) -> np.ndarray:
-        """The indices of what is carried that some numbers of the state move and are moved by."""
+        # Those numbers of what is carried that the state moves, and that move the state.
         memory = self._memory(args)
         links = np.any(_clear(memory.step), axis=0)
-        reached = _closure(links, np.any(_clear(memory.start)[:, :, numbers], axis=(0, 2)))
-        seen = _closure(links.T, np.any(_clear(memory.state)[:, numbers], axis=(0, 1)))
-        return np.flatnonzero(reached & seen)
+        reached = _closure(links, np.any(_clear(memory.start), axis=(0, 2)))
+        seen = _closure(links.T, np.any(_clear(memory.state), axis=(0, 1)))
+        self._kept = np.flatnonzero(reached & seen)
+        return True
 
     def matrices(self, args: np.ndarray) -> np.ndarray:
         """One step for each case, ``(cases, size, size)``; the step size is 1.
@@ -205,8 +197,7 @@ class LinearMethod:
             args: ``(cases, numbers)``.
         """
         if not self.is_one_step:
-            kept = self._kept if np.any(args[:, 1]) else self._kept_if_real
-            return self._memory(args).step[:, kept][:, :, kept]
+            return self._memory(args).step[:, self._kept][:, :, self._kept]
         units = np.eye(self.size)[::2]
         if self.is_compiled:
             once, _ = _programs(self._method.stepper, self.kind)

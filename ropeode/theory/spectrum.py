@@ -13,7 +13,7 @@ import numpy as np
 from ropeode.precision import in_float64
 from ropeode.problems import Problem, Rhs, free_coordinates
 from ropeode.simulation import step_size
-from ropeode.theory.growth import MOST_STEPS_OF_GROWTH, StableSteps, stable_steps
+from ropeode.theory.growth import StableSteps, stable_steps
 from ropeode.theory.stability_function import StabilityFunction
 
 # Of the largest eigenvalue: a real part, or an imaginary one, that rounding may have made of zero.
@@ -120,7 +120,7 @@ def _compiled(rhs: Rhs) -> Callable:
 
 @in_float64
 def spectral_limit(
-    problem: Problem, function: StabilityFunction, along: Spectrum, most: int = MOST_STEPS_OF_GROWTH
+    problem: Problem, function: StabilityFunction, along: Spectrum
 ) -> SpectralLimit | None:
     """How many steps per frame the eigenvalues along a solution ask for.
 
@@ -133,7 +133,6 @@ def spectral_limit(
         problem: whose frames are divided; the longest of them counts.
         function: of the stepper.
         along: eigenvalues of the problem.
-        most: how many steps per frame are tried.
 
     Returns:
         None where the stepper takes no damping and the problem is damped, or where all modes
@@ -167,7 +166,7 @@ def spectral_limit(
         # It grows with each number of steps, if only by less than rounding shows.
         steps, unstable = StableSteps(None, 0.0), frame
     else:
-        steps = stable_steps(lambda n: bool(np.all(growth(frame / n) <= 0.0)), frame, most)
+        steps = stable_steps(lambda n: bool(np.all(growth(frame / n) <= 0.0)), frame)
         unstable = (1.0 + _BEYOND) * steps.dt if 0.0 < steps.dt < np.inf else frame
     worst = int(np.argmax(growth(unstable)))
     return SpectralLimit(steps, float(times[worst]), complex(z[worst]), len(along.times))

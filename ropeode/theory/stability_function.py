@@ -13,7 +13,7 @@ from ropeode.problems import Problem
 from ropeode.simulation import Method, method_of
 from ropeode.theory.linear_method import LinearMethod, Rate, Spring, rates, springs
 
-# Points on circles about zero: small ones for leading terms, a larger one for polynomials, whose
+# Points on circles about zero: small ones for the leading term, a larger one for polynomials, whose
 # degree stays below a quarter of the number of points.
 _POINTS, _CIRCLES, _LARGE = 128, (0.5, 0.25, 0.0625), 4.0
 _ROUNDING = 1e-12
@@ -83,24 +83,17 @@ class StabilityFunction:
     Arguments:
         stepper: its name with options.
         equation: on which it was judged.
-        one_step: whether its samples are those of a one-step method; if not, it has memory.
         damped: whether it takes an oscillator with damping; without, z is imaginary.
         polynomial: the coefficients of R(z) from ``z**0`` on, if it is a polynomial in z.
-        error: the leading term of ``R(z)/exp(z) - 1``, which is ``-C z**(p + 1)`` for a method of
-            order p on linear equations; None if there is none above rounding.
         amplification: the leading term in y of ``ln |R(iy)|``, which is the growth in a step
             of an oscillation that should keep its size; None if it keeps it to rounding.
-        phase: the leading term in y of ``arg R(iy) - y``; None as before.
     """
 
     stepper: str
     equation: Equation
-    one_step: bool
     damped: bool
     polynomial: tuple[float, ...] | None
-    error: LeadingTerm | None
     amplification: LeadingTerm | None
-    phase: LeadingTerm | None
     _method: LinearMethod = dataclasses.field(repr=False, compare=False)
 
     @in_float64
@@ -135,16 +128,6 @@ class StabilityFunction:
         """Whether thousands of values cost little; not those of a step in Python."""
         own = self._method
         return self.polynomial is not None or own.is_compiled or own.is_together
-
-    @in_float64
-    def factors(self, z: Any) -> np.ndarray:
-        """R(z) for numbers near zero, in the shape of `z`; of an oscillator without damping.
-
-        Arguments:
-            z: complex; on the imaginary axis for a mode of an oscillator.
-        """
-        z = np.asarray(z, dtype=complex)
-        return _principal(self._method, z.ravel()).reshape(z.shape)
 
 
 @in_float64
@@ -191,7 +174,14 @@ def _on(kind: type[Rate] | type[Spring], method: Method) -> StabilityFunction | 
         args = np.concatenate([args, with_damping]) if damped else args
     if not found.settle(args):
         return NoStabilityFunction(f"On {name} {_UNSETTLED}.")
-    return _described(method, name, found, damped)
+    return StabilityFunction(
+        stepper=method.stepper.label,
+        equation=name,
+        damped=damped,
+        polynomial=_polynomial(found) if found.is_one_step and kind is Rate else None,
+        amplification=_amplification(found),
+        _method=found,
+    )
 
 
 def _refusal(
@@ -248,37 +238,11 @@ def _is_linear(method: LinearMethod, args: np.ndarray, powers: Sequence[int]) ->
     return None
 
 
-def _described(
-    method: Method, name: Equation, found: LinearMethod, damped: bool
-) -> StabilityFunction:
-    terms, clear = _relative_error(found)
-    # On the imaginary axis even powers are real.
-    signs = np.array([1, 1, -1, -1])
+def _amplification(method: LinearMethod) -> LeadingTerm | None:
+    """The leading term in y of ``ln |R(iy)|``; None if there is none above rounding.
 
-    def leading(powers: np.ndarray, signed: bool) -> LeadingTerm | None:
-        for power in powers[clear[powers]]:
-            sign = signs[power % 4] if signed else 1
-            return LeadingTerm(float(sign * terms[power]), int(power))
-        return None
-
-    powers = np.arange(len(terms))
-    return StabilityFunction(
-        stepper=method.stepper.label,
-        equation=name,
-        one_step=found.is_one_step,
-        damped=damped,
-        polynomial=_polynomial(found) if found.is_one_step and name == "y' = lambda y" else None,
-        error=leading(powers, False),
-        amplification=leading(powers[::2], True),
-        phase=leading(powers[1::2], True),
-        _method=found,
-    )
-
-
-def _relative_error(method: LinearMethod) -> tuple[np.ndarray, np.ndarray]:
-    """The Taylor coefficients of ``ln(R(z)/exp(z))``, and which of them are above rounding.
-
-    They are real. Circles shrink until none of the branch points, where R would be another
+    The Taylor coefficients of ``ln(R(z)/exp(z))`` are real, so that at z = iy those of even powers
+    make its real part. Circles shrink until none of the branch points, where R would be another
     eigenvalue, is inside.
     """
     for size in _CIRCLES:
@@ -288,8 +252,11 @@ def _relative_error(method: LinearMethod) -> tuple[np.ndarray, np.ndarray]:
         terms = np.fft.fft(relative).real / _POINTS
         if np.max(np.abs(terms[_POINTS // 4 : _POINTS // 2])) <= _ROUNDING:
             break
-    terms = terms[: _POINTS // 8]
-    return terms / size ** np.arange(len(terms)), np.abs(terms) > _ROUNDING
+    for power in range(0, _POINTS // 8, 2):
+        if np.abs(terms[power]) > _ROUNDING:
+            sign = (-1.0) ** (power // 2)
+            return LeadingTerm(float(sign * terms[power] / size**power), power)
+    return None
 
 
 def _principal(method: LinearMethod, z: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ropeode.theory.growth import bisected
 from ropeode.theory.stability_function import LeadingTerm, StabilityFunction
 from ropeode.validation import check_positive, check_whole
 
@@ -16,10 +17,8 @@ ROUNDING = 1e-11
 FARTHEST, _NEAR, _FINE, _COARSE = 1000.0, 40.0, (4000, 1200), (200, 50)
 # How often it is looked closer at a maximum of the factor between two points, at how many points.
 _ROUNDS, _CLOSER = 4, 16
-# Of the ends of an interval.
+# Of the end of an interval.
 PRECISION = 1e-11
-# Points of the left half plane for A-stability: distances from zero, and directions.
-_MANY, _FEW = (48, 24), (16, 8)
 # Points along the sides of a region of a step in Python.
 _MOST_IN_PYTHON = 32
 _LEAST_BOX, _MOST_BOX, _MARGIN = 3.0, 40.0, 1.35
@@ -34,13 +33,11 @@ class StableInterval:
     Arguments:
         limit: the end of the interval of stability that begins at zero; 0 if there is none.
         looked_to: how far was looked; `limit` is equal to that where no end was found.
-        islands: other intervals of stability, behind it.
         growth: by which power law small steps grow where `limit` is 0, if that is known.
     """
 
     limit: float
     looked_to: float
-    islands: tuple[tuple[float, float], ...] = ()
     growth: LeadingTerm | None = None
 
     @property
@@ -58,18 +55,10 @@ class StabilityLimits:
         real: up to which ``-dt lambda`` a decay does not turn into growth; of a mechanical stepper
             up to which ``dt omega`` an oscillator with critical damping; None where it takes no
             damping.
-        a_stable: whether nothing grows at any point of the left half plane that was looked at,
-            up to a distance of `looked_to`; None where damping is not taken.
-        looked_to: how far was looked.
-        far_away: the factor at the far end of the real axis: 0 for a method that forgets what is
-            stiff at once; None where damping is not taken.
     """
 
     imaginary: StableInterval
     real: StableInterval | None
-    a_stable: bool | None
-    looked_to: float
-    far_away: float | None
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -101,7 +90,7 @@ def stable_interval(
         radius: the factor at distances from zero, ``(distances,)``.
         grid: increasing distances above zero; what is stable at the first counts as stable from 0.
         rounding: growth in a step that counts as none.
-        precision: of the ends, relative. What is not longer than that is no interval.
+        precision: of the end, relative.
     """
 
     def stable(values: np.ndarray) -> np.ndarray:
@@ -126,26 +115,17 @@ def stable_interval(
         grid, order = np.unique(np.append(grid, closer), return_index=True)
         values = np.append(values, there)[order]
     inside = stable(values)
-    edges = [0.0] if inside[0] else []
-    for i in np.flatnonzero(inside[1:] != inside[:-1]):
-        low, high = grid[i], grid[i + 1]
-        while high - low > precision * high:
-            middle = 0.5 * (low + high)
-            if stable(radius(np.array([middle])))[0] == inside[i]:
-                low = middle
-            else:
-                high = middle
-        edges.append(0.5 * (low + high))
-    if inside[-1]:
-        edges.append(float(grid[-1]))
-    pieces = [(float(a), float(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-    limit = pieces.pop(0)[1] if inside[0] else 0.0
-    islands = [(a, b) for a, b in pieces if b - a > 10.0 * precision * b]
-    return StableInterval(limit, float(grid[-1]), tuple(islands))
+    if np.all(inside) or not inside[0]:
+        return StableInterval(float(grid[-1]) if inside[0] else 0.0, float(grid[-1]))
+    first = int(np.argmin(inside))
+    limit = bisected(
+        lambda z: bool(stable(radius(np.array([z])))[0]), grid[first - 1], grid[first], precision
+    )
+    return StableInterval(limit, float(grid[-1]))
 
 
 def stability_limits_of(function: StabilityFunction, farthest: float = FARTHEST) -> StabilityLimits:
-    """The intervals of stability on the axes, and whether the left half plane is one.
+    """The intervals of stability on the axes.
 
     Arguments:
         function: of the stepper.
@@ -162,18 +142,8 @@ def stability_limits_of(function: StabilityFunction, farthest: float = FARTHEST)
         # However slowly: near zero the growth is below rounding.
         imaginary = dataclasses.replace(imaginary, limit=0.0, growth=law)
     if not function.damped:
-        return StabilityLimits(imaginary, None, None, farthest, None)
-    real = stable_interval(lambda x: function.radius(-x + 0j), grid)
-    a_stable = not imaginary.ends and not real.ends
-    if a_stable:
-        distances, directions = _MANY if function.is_quick else _FEW
-        left = np.multiply.outer(
-            np.geomspace(farthest * 1e-4, farthest, distances),
-            np.exp(1j * np.linspace(np.pi / 2, np.pi, directions)),
-        )
-        a_stable = bool(np.all(function.radius(left) <= 1.0 + ROUNDING))
-    far_away = float(function.radius(np.array([-farthest + 0j]))[0])
-    return StabilityLimits(imaginary, real, a_stable, farthest, far_away)
+        return StabilityLimits(imaginary, None)
+    return StabilityLimits(imaginary, stable_interval(lambda x: function.radius(-x + 0j), grid))
 
 
 def stability_region(

@@ -44,45 +44,35 @@ def kick_and_drift(rhs, t, y, dt, args):
     return jnp.stack([y[0] + dt * v, v])
 
 
-def test_growth_and_phase_of_an_oscillation():
-    # ln |R(iy)| and arg R(iy) - y: of Euler ln(1 + y^2)/2 and atan y - y; of Verlet 0 and
-    # 2 asin(y/2) - y.
+def test_growth_of_an_oscillation():
+    # ln |R(iy)|: of Euler ln(1 + y^2)/2, of Verlet 0.
     euler = stability_function_of(FIRST, "explicit-euler")
     assert euler.amplification == LeadingTerm(pytest.approx(1 / 2), 2)
-    assert euler.phase == LeadingTerm(pytest.approx(-1 / 3), 3)
-    found = stability_function_of(SECOND, "velocity-verlet")
-    assert found.amplification is None
-    assert found.phase == LeadingTerm(pytest.approx(1 / 24), 3)
+    assert stability_function_of(SECOND, "velocity-verlet").amplification is None
 
 
 @pytest.mark.parametrize(
-    ("problem", "step", "error", "imaginary", "real"),
+    ("problem", "step", "imaginary", "real"),
     [
-        # R/exp - 1 begins with -z^(p+1)/(p+1)!.
-        (FIRST, "explicit-euler", (-1 / 2, 2), 0.0, 2.0),
-        (FIRST, "rk4", (-1 / 120, 5), 8**0.5, 2.785293563405282),
-        (SECOND, kick_and_drift, None, 2.0, 2 * 2**0.5 - 2),
-        (SECOND, verlet_in_numpy, None, 2.0, None),
+        (FIRST, "explicit-euler", 0.0, 2.0),
+        (FIRST, "rk4", 8**0.5, 2.785293563405282),
+        (SECOND, kick_and_drift, 2.0, 2 * 2**0.5 - 2),
+        (SECOND, verlet_in_numpy, 2.0, None),
         # Hairer, Norsett, Wanner I, section III.2; on the imaginary axis it grows as y^4/4.
-        (FIRST, AdamsBashforth(), (-5 / 12, 3), 0.0, 1.0),
+        (FIRST, AdamsBashforth(), 0.0, 1.0),
         # What starts as another is judged by how it goes on: of order 4. HNW III.1, HW V.1.
-        (FIRST, Ramp, (-251 / 720, 5), 0.4299870799093243, 0.3),
+        (FIRST, Ramp, 0.4299870799093243, 0.3),
         # Where |R| leaves 1, with SciPy's tableau: bisected.
-        pytest.param(FIRST, "dormand-prince8", None, 5.960359811702861, None, marks=SLOW),
+        pytest.param(FIRST, "dormand-prince8", 5.960359811702861, None, marks=SLOW),
         # A root of the characteristic polynomial grows at once, if slowly.
-        pytest.param(FIRST, "adams-pece3", None, 0.0, None, marks=SLOW),
+        pytest.param(FIRST, "adams-pece3", 0.0, None, marks=SLOW),
     ],
 )
-def test_methods_have_their_errors_and_limits(problem, step, error, imaginary, real):
-    function = stability_function_of(problem, step)
-    found = stability_limits_of(function)
+def test_methods_have_their_limits(problem, step, imaginary, real):
+    found = stability_limits_of(stability_function_of(problem, step))
     assert (found.imaginary.growth is not None) == (imaginary == 0.0)
-    assert not found.a_stable
     assert found.imaginary.limit == pytest.approx(imaginary, rel=1e-9)
     assert real is None or found.real.limit == pytest.approx(real, rel=1e-9)
-    if error:
-        coefficient, power = error
-        assert function.error == LeadingTerm(pytest.approx(coefficient, rel=1e-6), power)
 
 
 def test_an_implicit_step_is_stable_as_far_as_was_looked():
@@ -91,14 +81,12 @@ def test_an_implicit_step_is_stable_as_far_as_was_looked():
     z = np.array([1j, -3.0, 2.0 + 0.5j, -700 + 20j])
     np.testing.assert_allclose(function.radius(z), 1 / np.abs(1 - z), rtol=1e-12)
     limits = stability_limits_of(function, farthest=50.0)
-    assert limits.a_stable
-    assert (limits.real.limit, limits.real.ends, limits.looked_to) == (50.0, False, 50.0)
-    assert limits.far_away == pytest.approx(1 / 51)
+    for interval in (limits.imaginary, limits.real):
+        assert (interval.limit, interval.ends, interval.looked_to) == (50.0, False, 50.0)
 
 
 def test_a_method_with_memory_is_judged_on_all_that_it_carries():
     function = stability_function_of(FIRST, AdamsBashforth())
-    assert not function.one_step
     z = np.array([0.3 - 0.4j, -0.8, 0.1 + 2.0j])
     roots = [np.roots([1, -1 - 1.5 * each, 0.5 * each]) for each in z]
     np.testing.assert_allclose(function.radius(z), np.abs(roots).max(axis=1), rtol=1e-12)
@@ -117,17 +105,15 @@ def test_damped_oscillators_against_powers_of_the_step(omega, ratio):
     assert function.radius(z) == pytest.approx(np.exp(rate / 2), rel=1e-6)
 
 
-def test_holes_and_islands():
-    # Stable up to 1, a hole between 1.5 and 1.50001 which no grid of hundredths sees, and again
-    # between 3 and 4.
+def test_holes_between_the_points_of_a_grid():
+    # Stable up to 2 but for a hole between 1.5 and 1.50001 which no grid of hundredths sees.
     def radius(x):
         narrow = 1.0 + 1e-3 - 4e7 * (x - 1.500005) ** 2
         bump = np.where(np.abs(x - 1.500005) < 1e-2, np.maximum(narrow, 0.9 - abs(x - 1.5)), 0.6)
-        return np.where((x < 2) | ((x > 3) & (x < 4)), bump, 1.5)
+        return np.where(x < 2, bump, 1.5)
 
     found = stable_interval(radius, np.linspace(0.01, 8.0, 800))
     assert found.limit == pytest.approx(1.5, abs=1e-4)
-    assert [pytest.approx(each, abs=1e-4) for each in found.islands] == [(1.5, 2.0), (3.0, 4.0)]
     assert stable_interval(lambda x: 1.0 + x, np.linspace(0.1, 1, 9)).limit == 0.0
     assert not stable_interval(lambda x: np.exp(-x), np.linspace(0.1, 1, 9)).ends
 
@@ -173,7 +159,7 @@ def test_damping_that_does_not_scale_is_left_out():
     found = stability_function_of(SECOND, "stormer-verlet:damping=per-step")
     assert not found.damped
     limits = stability_limits_of(found)
-    assert (limits.real, limits.a_stable) == (None, None)
+    assert limits.real is None
     assert limits.imaginary.limit == pytest.approx(2.0)
     assert stability_region(found, limits) is None
 

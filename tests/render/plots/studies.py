@@ -60,9 +60,7 @@ def errors_in_one_panel() -> study.ErrorCurves:
 def stability() -> study.Explanation:
     """Explicit Euler on modes of which two decay and two grow, one of them far out."""
     found = MADE_UP["explain"]()
-    function = StabilityFunction(
-        *("explicit-euler", "y' = lambda y", True, True, (1.0, 1.0), None, None, None, None)
-    )
+    function = StabilityFunction(*("explicit-euler", "y' = lambda y", True, (1.0, 1.0), None, None))
     modes = np.array([[-0.1 + 1j, -0.1 - 1j, 0.5, 100.0]])
     along = Spectrum(np.zeros(1), modes, np.full(1, 1e-9))
     linear = dataclasses.replace(found.stability, function=function, along=along)
