@@ -69,14 +69,11 @@ def write_arrays(folder: Path, count: int, nodes: int) -> list[Path]:
 def read(path: Path, nodes: int) -> None:
     """Read a file, and print the seconds of processor time and the megabytes that it took."""
     from ropeode.checking import FORMATS, Layout
-    from ropeode.checking.trajectories.sampling import Sampling
+    from ropeode.checking.trajectories.sampling import sampled
 
     problem = Rope(num_nodes=nodes).problem(frames=FRAMES)
     before, started = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.process_time()
-    sampling = Sampling(path, problem.ts)
-    for block in FORMATS[path.suffix](path, Layout.of(problem)).blocks():
-        sampling.take(block)
-    sampling.finish()
+    sampled(FORMATS[path.suffix](path, Layout.of(problem)).samples(), problem.ts)
     seconds = time.process_time() - started
     print(seconds, (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024)
 

@@ -67,8 +67,8 @@ def grade(
 ) -> CheckReport:
     """Compare trajectories of one program, with several step sizes, with a certified reference.
 
-    Files are read in blocks, and only the samples at the problem's sample times are kept, so
-    files may be larger than memory. docs/howto/grade.md describes their format.
+    Files are read one after the other, and only the samples at the problem's sample times are kept.
+    docs/howto/grade.md describes their format.
 
     Arguments:
         files: CSV, NPZ or NetCDF, at least three, one for each step size.

@@ -136,10 +136,10 @@ CONTENTS = [
         for head in ("t,node,x,y,z", "time,i,x,y", "0,0,1.5,2.5", "", "t;node;x;y")
     ),
     ([FIRST, "# more"], "it.csv, line 3: 'nothing' given"),
-    ([FIRST, HEADER], "it.csv: 'no samples' given"),
+    ([FIRST, HEADER], "it.csv, line 3: 'no samples' given"),
     ([], "it.csv, line 1: 'nothing' given"),
     (["\x00\x7f" * 100_000], "it.csv, line 1: "),
-    ([FIRST, HEADER, "1" * 10_000], "it.csv, line 3: 'a line that does not end'"),
+    ([FIRST, HEADER, "1" * 10_000], "it.csv, line 3: '1111.* allowed: a complete line"),
     (csv_lines(np.arange(7) / 3, np.zeros((7, 3, 4)), 1 / 3), "the file 3"),
     (csv_lines(np.arange(7) / 3, np.zeros((7, 5, 4)), 1 / 3), "has nodes 0 to 3 only"),
     (

@@ -1,1 +1,1 @@
-"""Trajectories that other programs wrote: read in blocks and checked while reading."""
+"""Trajectories that other programs wrote: read and checked."""

@@ -2,29 +2,28 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
 
-from ropeode.checking.trajectories.layout import Block, Layout
+from ropeode.checking.trajectories.layout import Layout, Written
 from ropeode.files import open_to_read
 from ropeode.validation import bad_value
 
-_BLOCK = 2**22
 _LONGEST_LINE = 2**12
-_COMMAS = bytes.maketrans(b"\n", b",")
 _NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
 # As the C libraries write them: nan, -nan(ind), inf, Infinity, 1.#INF, -1.#IND, 1.#QNAN.
 _NOT_FINITE = re.compile(
     r"\s*([+-]?)(nan(?:\(\w*\))?|inf(?:inity)?|1\.#[a-z]+0*)\s*", re.IGNORECASE | re.ASCII
 )
-# The columns of time and node, which are finite in runs that diverged too.
+# So many columns, of time and node, are finite in runs that diverged too.
 _PLACE = 2
-_SPACE, _BLANK = re.compile(rb"[ \t\v\f]"), re.compile(rb"(^|[,\n])[ \t\v\f]*[,\n]")
 _STEP = re.compile(r"#\s*dt\s*[=:]\s*(\S+)\s*")
 
 
@@ -82,66 +81,65 @@ class CsvFile:
     def _allowed_headers(self) -> str:
         return " or ".join(map(repr, self.layout.headers))
 
-    def blocks(self) -> Iterator[Block]:
-        """All samples, in blocks of a few megabytes.
+    def samples(self) -> Written:
+        """All samples.
+
+        After a number that is not finite a program may end anywhere.
 
         Raises:
             InputError: a line is wrong; the message names the line and the column.
         """
-        line, rest, nodes = self._header_lines + 1, b"", self.layout.nodes
-        left = np.empty((0, len(self.columns)))
+        rows, first, nodes = self._rows(), self._header_lines + 1, self.layout.nodes
+        whole = len(rows) // nodes * nodes
+        self._check_nodes(rows, first)
+        values = rows[:whole].reshape(-1, nodes, len(self.columns))
+        if (values[:, :, 0] != values[:, :1, 0]).any():
+            self._complain_of_times(values[:, :, 0], first)
+        if whole < len(rows) and np.isfinite(values).all():
+            given = f"node {len(rows) - whole - 1} at the end of the file"
+            allowed = f"all {nodes} nodes at t = {rows[whole, 0]:.9g}"
+            self._complain(first + len(rows) - 1, given, allowed, "let the program finish")
+
+        def where(sample: int, node: int | None, column: int | None) -> str:
+            text = f"{self.path}, line {first + sample * nodes + (node or 0)}"
+            if column is not None:
+                text += f", column {column + 3} ({self.columns[column + _PLACE]})"
+            return text
+
+        return Written(values[:, 0, 0], values[:, :, _PLACE:], where)
+
+    def _rows(self) -> np.ndarray:
+        """All lines as numbers, ``(lines, columns)``."""
         with open_to_read("file", self.path) as file:
             file.seek(self._begin)
-            while piece := file.read(_BLOCK):
-                piece = rest + piece
-                cut = piece.rfind(b"\n") + 1
-                text, rest = piece[:cut], piece[cut:]
-                if len(rest) > _LONGEST_LINE:
-                    number = line + text.count(b"\n")
-                    self._complain(number, "a line that does not end", "lines of numbers")
-                if not text:
-                    continue
-                rows = np.concatenate([left, self._rows(text, line)])
-                first = line - len(left)
-                line = first + len(rows)
-                whole = len(rows) // nodes * nodes
-                if whole:
-                    yield self._block(rows[:whole], first)
-                left = rows[whole:]
-                self._check_nodes(left, first + whole)
-        if rest:
-            fix = "let the program finish, and end the last line with a newline too"
-            self._complain(line, rest.decode(errors="replace"), "a complete line", fix)
-        if len(left):
-            given = f"node {len(left) - 1} at the end of the file"
-            allowed = f"all {nodes} nodes at t = {left[0, 0]:.9g}"
-            self._complain(line - 1, given, allowed, "let the program finish")
+            lines = sum(1 for line in file if line.endswith(b"\n"))
+            file.seek(self._begin)
+            with contextlib.suppress(ValueError), warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # Of a file without numbers.
+                rows = np.loadtxt(file, delimiter=",", comments=None, ndmin=2)
+                # NumPy passes over empty lines, and takes a last one that does not end.
+                as_usual = rows.shape == (lines, len(self.columns))
+                if as_usual and np.isfinite(rows[:, :_PLACE]).all():
+                    return rows
+            file.seek(self._begin)
+            return np.array([*self._rows_by_hand(file)]).reshape(-1, len(self.columns))
 
-    def _rows(self, text: bytes, line: int) -> np.ndarray:
-        """Whole lines as numbers, ``(lines, columns)``."""
-        width = len(self.columns)
-        if b"\r" in text:
-            text = text.replace(b"\r\n", b"\n")
-        characters = np.frombuffer(text, np.uint8)
-        marks = characters[(characters == ord("\n")) | (characters == ord(","))]
-        # NumPy reads a blank field as -1.
-        blank = _SPACE.search(text) and _BLANK.search(text)
-        if len(marks) % width == 0 and not blank:
-            each = marks.reshape(-1, width)
-            if (each[:, -1] == ord("\n")).all() and (each[:, :-1] == ord(",")).all():
-                try:
-                    values = np.fromstring(text.translate(_COMMAS).decode("ascii"), sep=",")
-                except ValueError:
-                    values = np.empty(0)
-                if len(values) == len(marks) and np.isfinite(values).all():
-                    return values.reshape(-1, width)
-        return np.array(
-            [self._row(row, line + i) for i, row in enumerate(text[:-1].split(b"\n"))]
-        ).reshape(-1, width)
+    def _rows_by_hand(self, file: BinaryIO) -> Iterator[list[float]]:
+        """The numbers of each line, for what NumPy does not read and for complaints."""
+        finite = True
+        for number, line in enumerate(file, self._header_lines + 1):
+            if not line.endswith(b"\n"):
+                fix = "let the program finish, and end the last line with a newline too"
+                if finite:
+                    self._complain(number, line.decode(errors="replace"), "a complete line", fix)
+                return
+            numbers = self._row(line, number)
+            finite = finite and bool(np.isfinite(numbers).all())
+            yield numbers
 
     def _row(self, row: bytes, line: int) -> list[float]:
         """One line, with a message for whatever is wrong in it."""
-        text = row.decode("utf-8", errors="replace")
+        text = row.decode("utf-8", errors="replace").rstrip("\r\n")
         fields = text.split(",")
         if len(fields) != len(self.columns):
             given = f"{len(fields)} fields" if text.strip() else "an empty line"
@@ -164,23 +162,6 @@ class CsvFile:
                 raise bad_value(where, value.strip(), "a finite number", fix)
             numbers.append(number)
         return numbers
-
-    def _block(self, rows: np.ndarray, first: int) -> Block:
-        """Samples from all lines of some times."""
-        self._check_nodes(rows, first)
-        nodes = self.layout.nodes
-        values = rows.reshape(-1, nodes, rows.shape[1])
-        times = values[:, 0, 0]
-        if (values[:, :, 0] != times[:, None]).any():
-            self._complain_of_times(values[:, :, 0], first)
-
-        def where(sample: int, node: int | None, column: int | None) -> str:
-            text = f"line {first + sample * nodes + (node or 0)}"
-            if column is not None:
-                text += f", column {column + 3} ({self.columns[column + 2]})"
-            return text
-
-        return Block(times, values[:, :, 2:], where)
 
     def _check_nodes(self, rows: np.ndarray, first: int) -> None:
         """Check that nodes are numbered in order; the first line is that of node 0."""

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from ropeode.analysis import distances, moved, resolution
-from ropeode.checking.trajectories.clocks import Clock, Extent, extent_of, likely_clocks
+from ropeode.checking.trajectories.clocks import Clock, Times, likely_clocks
 from ropeode.checking.trajectories.convergence import order_finding
 from ropeode.checking.trajectories.initial_states import begins_right, check_initial_states
 from ropeode.checking.trajectories.known_methods import same_method
-from ropeode.checking.trajectories.layout import Block, samples_of
+from ropeode.checking.trajectories.layout import Written, samples_of
 from ropeode.checking.trajectories.run_files import Files, Run, finite, opened_files, read_runs
 from ropeode.checking.trajectories.time_errors import RUNS, explains
 from ropeode.checking.trajectories.transforms import (
@@ -304,18 +304,18 @@ def explain_times(
     Raises:
         ReferenceRefused: no reference can be certified.
     """
-    for clock in likely_clocks(files.problem, _extents(files)):
+    for clock in likely_clocks(files.problem, _times(files)):
         found = _explained(clock, certified, files, as_written, coarse)
         if found is not None:
             return found
     return None
 
 
-def _extents(files: Files) -> list[Extent]:
+def _times(files: Files) -> list[Times]:
     """The times of files; none if one of them cannot be read."""
     try:
         opened, steps, _ = opened_files(*files)
-        return [extent_of(file.blocks(), dt) for file, dt in zip(opened, steps, strict=True)]
+        return [Times(file.samples().times, dt) for file, dt in zip(opened, steps, strict=True)]
     except (InputError, OSError):
         return []
 
@@ -331,8 +331,8 @@ def _explained(
     paths, problem, dts, fewest = files
     shown = problem if clock.ends else problem.changed(ts=problem.ts[:-1], exact=None)
 
-    def reading(index: int, blocks: Iterator[Block]) -> tuple[float, Iterator[Block]]:
-        return clock.dts[index], clock.blocks(blocks, index, shown)
+    def reading(index: int, written: Written) -> tuple[float, Written]:
+        return clock.dts[index], clock.read(written, index, shown)
 
     try:
         runs = finite(read_runs(paths, shown, dts, fewest=fewest, reading=reading))

@@ -13,14 +13,14 @@ from ropeode.problems import Problem
 _AXES = ("x", "y", "z")
 
 
-class Block(NamedTuple):
-    """Consecutive samples of a file.
+class Written(NamedTuple):
+    """The samples in a file.
 
     Fields:
         times: of the samples, ``(samples,)``.
         values: of all nodes, ``(samples, nodes, columns)``: coordinates, followed by velocities
             if the file has them.
-        where: names the place of a value in the file, from the indices of its sample, node
+        where: names the file and the place of a value in it, from the indices of its sample, node
             and column; None stands for all nodes, or all columns.
     """
 

@@ -6,16 +6,16 @@ import dataclasses
 import functools
 import itertools
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ropeode.checking.trajectories.array_files import NetcdfFile, NpzFile
+from ropeode.checking.trajectories.array_files import ArrayFile
 from ropeode.checking.trajectories.csv_files import CsvFile
-from ropeode.checking.trajectories.layout import Block, Layout, states_of
-from ropeode.checking.trajectories.sampling import Diverged, Sampling
+from ropeode.checking.trajectories.layout import Layout, Written, states_of
+from ropeode.checking.trajectories.sampling import Diverged, sampled
 from ropeode.checking.written_precision import epsilon, last_digit
 from ropeode.errors import InputError
 from ropeode.problems import Problem
@@ -23,10 +23,10 @@ from ropeode.progress import Progress, silent
 from ropeode.simulation import step_size
 from ropeode.validation import MOST_COUNTED, bad_value, complaint, listed, positive_number
 
-File = CsvFile | NpzFile | NetcdfFile
-FORMATS: dict[str, type[File]] = {".csv": CsvFile, ".npz": NpzFile, ".nc": NetcdfFile}
+File = CsvFile | ArrayFile
+FORMATS: dict[str, type[File]] = {".csv": CsvFile, ".npz": ArrayFile, ".nc": ArrayFile}
 # The step size and the samples that count, from the number of a file and all its samples.
-Reading = Callable[[int, Iterator[Block]], tuple[float, Iterator[Block]]]
+Reading = Callable[[int, Written], tuple[float, Written]]
 FEWEST = 3
 _NAMES_SHOWN = 3
 # Two values of a step size, or of a number of steps, are equal if they differ by less.
@@ -150,7 +150,7 @@ def read_runs(
     fewest: int = FEWEST,
     reading: Reading | None = None,
 ) -> tuple[Run, ...]:
-    """Read the files in blocks, keeping only the samples at the problem's sample times.
+    """Read the files one after the other, keeping the samples at the problem's sample times.
 
     Arguments:
         files: one for each step size.
@@ -170,16 +170,12 @@ def read_runs(
     opened, steps, named = opened_files(files, problem, dts, fewest)
     total, before, faults, runs = sum(file.size for file in opened), 0, [], []
     for index, (file, dt) in enumerate(zip(opened, steps, strict=True)):
-
-        def report(share: float, file: File = file, before: int = before) -> None:
-            progress(f"reading {file.path.name}", (before + share * file.size) / max(total, 1))
-
+        progress(f"reading {file.path.name}", before / max(total, 1))
         try:
-            blocks = file.blocks()
+            written = file.samples()
             if reading is not None:
-                dt, blocks = reading(index, blocks)
-            run = _read(file, dt, blocks, problem, report)
-            runs.append(dataclasses.replace(run, named=named))
+                dt, written = reading(index, written)
+            runs.append(dataclasses.replace(_run(file.path, dt, written, problem), named=named))
         except InputError as error:
             faults += [(file.path, line) for line in error.problems]
         except OSError as error:
@@ -329,27 +325,15 @@ def _step_size(file: File, given: Any, problem: Problem, faults: list[tuple[Path
         return np.nan
 
 
-def _read(
-    file: File,
-    dt: float,
-    blocks: Iterator[Block],
-    problem: Problem,
-    report: Callable[[float], None],
-) -> Run:
-    sampling = Sampling(file.path, problem.ts)
-    span = float(problem.ts[-1] - problem.ts[0])
-    for block in blocks:
-        sampling.take(block)
-        if sampling.diverged is not None:
-            break
-        report(min(1.0, float(block.times[-1] - problem.ts[0]) / span))
-    values = sampling.finish()
-    interval = sampling.interval or span
+def _run(path: Path, dt: float, written: Written, problem: Problem) -> Run:
+    """The run whose samples are those of a file at the sample times of a problem."""
+    values, interval, diverged = sampled(written, problem.ts)
+    interval = interval or float(problem.ts[-1] - problem.ts[0])
     if dt > interval * (1.0 + _SAME):
         allowed = f"at most {interval:g}, the time between two samples of the file"
         fix = "check whether this dt belongs to another file"
-        raise bad_value(f"{file.path}, dt", dt, allowed, fix)
-    return Run(problem, file.path, dt, values, interval, diverged=sampling.diverged)
+        raise bad_value(f"{path}, dt", dt, allowed, fix)
+    return Run(problem, path, dt, values, interval, diverged=diverged)
 
 
 def _steps_in(paths: Sequence[Path]) -> list[int]:

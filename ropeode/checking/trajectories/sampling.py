@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from ropeode.checking.trajectories.layout import Block
+from ropeode.checking.trajectories.layout import Written
 from ropeode.checking.written_precision import epsilon, last_digit
 from ropeode.validation import bad_value
 
@@ -34,194 +33,147 @@ class Diverged(NamedTuple):
     given: float
 
 
-class Sampling:
-    """Takes blocks of samples in the order of time, and keeps those at the wanted times.
+class Sampled(NamedTuple):
+    """The samples of a file at the wanted times.
+
+    Fields:
+        values: ``(times, nodes, columns)``, not-a-number from where the run diverged.
+        interval: between the first two samples in the file; None if there is only one.
+        diverged: the first number that is not finite.
+    """
+
+    values: np.ndarray
+    interval: float | None
+    diverged: Diverged | None
+
+
+def sampled(written: Written, wanted: np.ndarray) -> Sampled:
+    """Check the samples of a file, and take those at the wanted times.
 
     Samples must be equally spaced, except where the wanted times are not; an interval that
     ends at a wanted time may be shorter. At the first number that is not finite the run
     diverged, and nothing that follows counts.
 
     Arguments:
-        path: of the file, for complaints.
+        written: in a file.
         wanted: sample times, increasing.
+
+    Raises:
+        InputError: a time is wrong or missing, or the first sample is not finite.
     """
-
-    def __init__(self, path: Path, wanted: np.ndarray):
-        self.path, self.wanted = path, wanted
-        gaps = np.diff(wanted)
-        self._equal = bool(np.ptp(gaps) <= _UNEQUAL * gaps[0])
-        self._scale = np.maximum(np.abs(wanted), np.min(gaps))
-        self._kept: list[np.ndarray] = []
-        self._last: tuple[float, str] | None = None
-        self._into_frame = 0
-        self.interval: float | None = None
-        self.diverged: Diverged | None = None
-
-    def take(self, block: Block) -> None:
-        """Check a block and keep its wanted samples.
-
-        Raises:
-            InputError: a time is wrong, or the first sample is not finite.
-        """
-        block = self._finite_part(block)
-        if not len(block.times):
-            return
-        self._check_order(block)
-        if self._last is None and not self._same(float(block.times[0]), 0):
-            first = float(block.times[0])
-            raise bad_value(
-                self._at(block, 0),
-                first,
-                f"the start of the problem, t = {self.wanted[0]:g}, as the first time",
-                "write the initial state before the first step",
-            )
-        hits, missing = self._pick(block)
-        self._check_spacing(block, hits, len(hits) if missing is None else missing)
-        if missing is not None:
-            self._complain_of_missing(block, missing)
-        self._last = float(block.times[-1]), self._at(block, len(block.times) - 1)
-
-    def finish(self) -> np.ndarray:
-        """The values at all wanted times, ``(times, nodes, columns)``.
-
-        They are not-a-number from where the run diverged.
-
-        Raises:
-            InputError: the file ends before the last of them.
-        """
-        missing = len(self._kept)
-        if self._last is None:
-            raise bad_value(
-                str(self.path), "no samples", "a sample at each sample time", "write them"
-            )
-        if self.diverged is not None:
-            lost = np.full_like(self._kept[0], np.nan)
-            return np.stack([*self._kept, *[lost] * (len(self.wanted) - missing)])
-        if missing < len(self.wanted):
-            last, where = self._last
-            raise bad_value(
-                where,
-                f"t = {last:.9g} as the last time",
-                f"samples up to t = {self.wanted[-1]:g}; the one at t = "
-                f"{self.wanted[missing]:g} is missing",
-                "make the remaining steps; if dt does not divide the time, the last one is shorter",
-            )
-        return np.stack(self._kept)
-
-    def _at(self, block: Block, sample: int) -> str:
-        return f"{self.path}, {block.where(sample, None, None)}"
-
-    def _finite_part(self, block: Block) -> Block:
-        """The samples up to the first that is not finite, which is remembered."""
-        finite, times = np.isfinite(block.values), np.isfinite(block.times)
-        if finite.all() and times.all():
-            return block
-        sample = int(np.argmin(finite.all(axis=(1, 2)) & times))
-        if not times[sample]:
-            given, node, column = block.times[sample], None, None
-        else:
-            node, column = (int(i[0]) for i in np.nonzero(~finite[sample]))
-            given = block.values[sample, node, column]
-        where = f"{self.path}, {block.where(sample, node, column)}"
-        if not times[sample] or (self._last is None and sample == 0):
-            fix = "start from the initial state, and write finite times in runs that diverged too"
-            raise bad_value(where, float(given), "a finite number", fix)
-        self.diverged = Diverged(float(block.times[sample]), where, float(given))
-        return Block(block.times[:sample], block.values[:sample], block.where)
-
-    def _check_order(self, block: Block) -> None:
-        before = np.empty_like(block.times)
-        before[0] = -np.inf if self._last is None else self._last[0]
-        before[1:] = block.times[:-1]
-        back = block.times <= before
-        if not back.any():
-            return
-        sample = int(np.argmax(back))
+    written, diverged = _finite_part(written)
+    times, _, where = written
+    if not len(times):
+        allowed = "a sample at each sample time"
+        raise bad_value(where(0, None, None), "no samples", allowed, "write them")
+    _check_order(written)
+    scale = np.maximum(np.abs(wanted), np.min(np.diff(wanted)))
+    if not _is_same(times[0], wanted[0], scale[0]):
         raise bad_value(
-            self._at(block, sample),
-            f"t = {block.times[sample]:.9g} after t = {before[sample]:.9g}",
+            where(0, None, None),
+            float(times[0]),
+            f"the start of the problem, t = {wanted[0]:g}, as the first time",
+            "write the initial state before the first step",
+        )
+    room = _FEW_DIGITS * scale
+    if len(times) > 1:
+        room = np.minimum(room, 0.25 * (times[1] - times[0]))
+    found = np.searchsorted(times, wanted - room)
+    found = found[found < len(times)]
+    right = [_is_same(*each) for each in zip(times[found], wanted, scale, strict=False)]
+    kept = found[: len(found) if all(right) else right.index(False)]
+    missing = None if all(right) else int(found[len(kept)])
+    _check_spacing(written, kept, missing, wanted)
+    if missing is not None:
+        raise bad_value(
+            where(missing, None, None),
+            f"t = {times[missing]:.9g} after t = {times[missing - 1]:.9g}",
+            f"a sample at t = {wanted[len(kept)]:g}, which is missing",
+            "check the number of steps before each sample; if dt does not divide the time, the "
+            "last one is shorter",
+        )
+    if diverged is None and len(kept) < len(wanted):
+        raise bad_value(
+            where(len(times) - 1, None, None),
+            f"t = {times[-1]:.9g} as the last time",
+            f"samples up to t = {wanted[-1]:g}; the one at t = {wanted[len(kept)]:g} is missing",
+            "make the remaining steps; if dt does not divide the time, the last one is shorter",
+        )
+    values = np.full((len(wanted), *written.values.shape[1:]), np.nan)
+    values[: len(kept)] = written.values[kept]
+    return Sampled(values, float(times[1] - times[0]) if len(times) > 1 else None, diverged)
+
+
+def _finite_part(written: Written) -> tuple[Written, Diverged | None]:
+    """The samples up to the first that is not finite, and that one."""
+    times, values, where = written
+    finite = np.isfinite(values)
+    whole = finite.all(axis=(1, 2)) & np.isfinite(times)
+    if whole.all():
+        return written, None
+    sample = int(np.argmin(whole))
+    if not np.isfinite(times[sample]):
+        given, node, column = times[sample], None, None
+    else:
+        node, column = (int(i[0]) for i in np.nonzero(~finite[sample]))
+        given = values[sample, node, column]
+    place = where(sample, node, column)
+    if sample == 0 or not np.isfinite(times[sample]):
+        fix = "start from the initial state, and write finite times in runs that diverged too"
+        raise bad_value(place, float(given), "a finite number", fix)
+    diverged = Diverged(float(times[sample]), place, float(given))
+    return Written(times[:sample], values[:sample], where), diverged
+
+
+def _check_order(written: Written) -> None:
+    back = np.diff(written.times) <= 0.0
+    if back.any():
+        sample = int(np.argmax(back)) + 1
+        raise bad_value(
+            written.where(sample, None, None),
+            f"t = {written.times[sample]:.9g} after t = {written.times[sample - 1]:.9g}",
             "times in increasing order, each once",
             "sort the samples, write each once, and write t with all digits",
         )
 
-    def _same(self, time: float, index: int) -> bool:
-        """Whether a time is the wanted one, apart from rounding to its digits."""
-        wanted, scale = float(self.wanted[index]), float(self._scale[index])
-        if abs(time - wanted) <= _ADDED_UP * scale:
-            return True
-        if abs(time - wanted) > _FEW_DIGITS * scale:
-            return False
-        digits = len(f"{time!r}".partition("e")[0].replace(".", "").strip("-0"))
-        return time in (float(f"{wanted:.{max(digits, 1)}g}"), float(np.float32(wanted)))
 
-    def _pick(self, block: Block) -> tuple[np.ndarray, int | None]:
-        """Keep wanted samples; returns which, and the first one before which one is missing."""
-        hits = np.zeros(len(block.times), dtype=bool)
-        first = len(self._kept)
-        room = _FEW_DIGITS * self._scale[first:]
-        if self.interval is not None or len(block.times) > 1:
-            step = self.interval or float(block.times[1] - block.times[0])
-            room = np.minimum(room, 0.25 * step)
-        begins = np.searchsorted(block.times, self.wanted[first:] - room)
-        for index, begin in enumerate(begins[begins < len(block.times)], first):
-            sample = int(begin)
-            if not self._same(float(block.times[sample]), index):
-                return hits, sample
-            hits[sample] = True
-            self._kept.append(block.values[sample].copy())
-        return hits, None
+def _is_same(time: float, wanted: float, scale: float) -> bool:
+    """Whether a time is the wanted one, apart from rounding to its digits."""
+    if abs(time - wanted) <= _ADDED_UP * scale:
+        return True
+    if abs(time - wanted) > _FEW_DIGITS * scale:
+        return False
+    digits = len(f"{float(time)!r}".partition("e")[0].replace(".", "").strip("-0"))
+    return time in (float(f"{wanted:.{max(digits, 1)}g}"), float(np.float32(wanted)))
 
-    def _complain_of_missing(self, block: Block, sample: int) -> None:
-        after = float(block.times[sample])
-        before = float(block.times[sample - 1]) if sample else (self._last or (np.nan, ""))[0]
-        raise bad_value(
-            self._at(block, sample),
-            f"t = {after:.9g} after t = {before:.9g}",
-            f"a sample at t = {self.wanted[len(self._kept)]:g}, which is missing",
-            "check the number of steps before each sample; if dt does not divide the time, the "
-            "last one is shorter",
-        )
 
-    def _check_spacing(self, block: Block, hits: np.ndarray, count: int) -> None:
-        """Check that the first `count` samples of the block are equally spaced."""
-        start = 1 if self._last is None else 0
-        before = np.append([] if self._last is None else self._last[0], block.times[:-1])
-        ends, hit = block.times[start:count], hits[start:count]
-        gaps = ends - before[: len(ends)]
-        if not len(gaps):
-            return
-        if self.interval is None:
-            self.interval = float(gaps[0])
-        if self._equal:
-            usual = np.full(len(gaps), self.interval)
-        else:
-            usual = self._usual_in_frames(gaps, hit)
-        room = _UNEQUAL * usual + _ADDED_UP * np.abs(ends)
+def _check_spacing(
+    written: Written, kept: np.ndarray, missing: int | None, wanted: np.ndarray
+) -> None:
+    """Check that the samples before one that is missing are equally spaced."""
+    ends, gaps = written.times[1:missing], np.diff(written.times[:missing])
+    if not len(gaps):
+        return
+    hit = np.isin(np.arange(1, len(gaps) + 1), kept)
+    # The usual interval is the first one; where frames differ in length, the first of each frame.
+    usual = np.full(len(gaps), gaps[0])
+    if np.ptp(np.diff(wanted)) > _UNEQUAL * (wanted[1] - wanted[0]):
+        begins = np.append(True, hit[:-1])
+        usual = gaps[begins][np.cumsum(begins) - 1]
+    room = _UNEQUAL * usual + _ADDED_UP * np.abs(ends)
 
-        def wrong() -> np.ndarray:
-            return (gaps > usual + room) | ((gaps < usual - room) & ~hit)
+    def wrong() -> np.ndarray:
+        return (gaps > usual + room) | ((gaps < usual - room) & ~hit)
 
-        if not wrong().any():
-            return
-        rounding = epsilon(block.times) * np.abs(ends) + 2.0 * last_digit(block.times)
+    if wrong().any():
+        rounding = epsilon(ends) * np.abs(ends) + 2.0 * last_digit(ends)
         room += np.minimum(rounding, _HALF * usual)
-        if not wrong().any():
-            return
+    if wrong().any():
         i = int(np.argmax(wrong()))
         raise bad_value(
-            self._at(block, start + i),
+            written.where(i + 1, None, None),
             f"a time {gaps[i]:.6g} after the previous one",
             f"equal intervals, here {usual[i]:.6g}; only one that ends at a sample time may "
             "be shorter",
             "use one step size, and write every step or every k-th",
         )
-
-    def _usual_in_frames(self, gaps: np.ndarray, hit: np.ndarray) -> np.ndarray:
-        """For frames of unequal length: the first interval in the frame of each gap."""
-        usual = np.empty_like(gaps)
-        for i, gap in enumerate(gaps):
-            if self._into_frame == 0:
-                self._first_in_frame = float(gap)
-            usual[i] = self._first_in_frame
-            self._into_frame = 0 if hit[i] else self._into_frame + 1
-        return usual
