@@ -10,13 +10,11 @@ from typing import NamedTuple
 from ropeode.tableaus import NystromTableau, Tableau
 from ropeode.tableaus.stages import Number, Row, dot, ones, same
 from ropeode.theory.known_tableaus import EXPLICIT, IMPLICIT, SECOND_ORDER, published
-from ropeode.validation import listed
 
 AnyTableau = Tableau | NystromTableau
 
-# A method that differs in more places than these is another one.
-_MOST_CHANGES = {1: 1}
-_CHANGES = 2
+# A method that differs in more stages than these is another one; the result counts as one of them.
+_CHANGES, _CHANGES_OF_FEW_STAGES = 2, 1
 # What a stage that the result does not need counts, unless the method is a well-known one exactly.
 _REDUCED = 2
 # Methods of more stages are also looked for among those of libraries.
@@ -29,24 +27,14 @@ class Recognition(NamedTuple):
     Fields:
         name: of the well-known method.
         known: its tableau.
-        given: the tableau that is compared with it.
         differences: where the tableau differs, in words; none where it is that method.
+        corrections: the lines of the well-known method that are others in the tableau's.
     """
 
     name: str
     known: AnyTableau
-    given: AnyTableau
     differences: tuple[str, ...]
-
-    @property
-    def corrections(self) -> list[str]:
-        """The lines of the well-known method that are others in the tableau's."""
-        if not self.differences:
-            return []
-        given = self.given
-        if isinstance(given, NystromTableau) and isinstance(self.known, NystromTableau):
-            given = given if self.known.a else dataclasses.replace(given, a=None)
-        return [line for line in lines_of(self.known) if line not in lines_of(given)]
+    corrections: tuple[str, ...]
 
 
 def recognised(tableau: AnyTableau) -> Recognition | None:
@@ -62,14 +50,11 @@ def recognised(tableau: AnyTableau) -> Recognition | None:
         # A stage too many was written by somebody who had another method in mind.
         fewer = _REDUCED * (given.stages < tableau.stages - _for_next_step(tableau))
         for name, known in _candidates(given):
-            changes = list(_changes(given, known))
-            cost = sum(change.cost for change in changes)
-            if cost > _MOST_CHANGES.get(known.stages, _CHANGES):
-                continue
-            words = tuple(change.words for change in changes)
-            key = (cost and cost + fewer, len(words))
-            if best is None or key < best[0]:
-                best = key, Recognition(name, known, given, words)
+            cost, found = _compared(name, given, known)
+            key = (cost and cost + fewer, len(found.corrections))
+            most = _CHANGES if known.stages > 2 else _CHANGES_OF_FEW_STAGES
+            if cost <= most and (best is None or key < best[0]):
+                best = key, found
     if best is None:
         return None
     (cost, _), found = best
@@ -85,7 +70,28 @@ def _only_times(tableau: AnyTableau, known: AnyTableau) -> bool:
     given = _simplest(tableau)
     if given.stages != known.stages:
         return False
-    return not list(_changes(dataclasses.replace(given, c=known.c), known))
+    return not _compared("", dataclasses.replace(given, c=known.c), known)[0]
+
+
+def _compared(name: str, given: AnyTableau, known: AnyTableau) -> tuple[int, Recognition]:
+    """How a tableau differs from a well-known one of the same kind and size, line by line.
+
+    Returns:
+        In how many of its stages and results, and where.
+    """
+    if isinstance(known, NystromTableau) and known.a is None and isinstance(given, NystromTableau):
+        given = dataclasses.replace(given, a=None)
+    right = lines_of(known)
+    corrections = tuple(line for line in right if line not in lines_of(given))
+    words = []
+    if at_once := any(known.c) and not any(given.c):
+        words.append("all slopes taken at time t")
+        given = dataclasses.replace(given, c=known.c)
+    pairs = list(zip(lines_of(given), right, strict=True))
+    words += [f"{mine} in place of {own.partition(' = ')[2]}" for mine, own in pairs if mine != own]
+    # The new positions and the new velocities are one result.
+    changed = {min(i, known.stages) for i, (mine, own) in enumerate(pairs) if mine != own}
+    return at_once + len(changed), Recognition(name, known, tuple(words), corrections)
 
 
 def describe(tableau: AnyTableau, declared: int | None = None) -> str:
@@ -96,7 +102,8 @@ def describe(tableau: AnyTableau, declared: int | None = None) -> str:
         declared: the order that its author claims; it is said where it is another one.
 
     Returns:
-        As in "This is RK4 with a43 = 1/2 in place of 1; its order is 1 in place of 4."
+        As in "This is RK4 with k4 = f(t + dt, y + 1/2 * dt * k3) in place of
+        f(t + dt, y + dt * k3); its order is 1 in place of 4."
     """
     recognition = recognised(tableau)
     if recognition is None:
@@ -204,130 +211,6 @@ def _candidates(tableau: AnyTableau) -> Iterator[tuple[str, AnyTableau]]:
             yield name, own if tableau.a else dataclasses.replace(own, a=None)
 
 
-class _Change(NamedTuple):
-    """A difference between two tableaus: what it counts, and in words."""
-
-    cost: int
-    words: str
-
-
-class _Place(NamedTuple):
-    """Where coefficients stand.
-
-    Fields:
-        symbol: of a coefficient, with the place of its number, as in ``a4{}``.
-        name: what is computed with them.
-    """
-
-    symbol: str
-    name: str
-
-
-def _changes(given: AnyTableau, known: AnyTableau) -> Iterator[_Change]:
-    """How one tableau differs from another of the same kind and size."""
-    if isinstance(known, NystromTableau) and known.a is None and isinstance(given, NystromTableau):
-        given = dataclasses.replace(given, a=None)
-    if (ratio := _ratio(given, known)) is not None:
-        yield _Change(1, f"all its slopes times {_shown(ratio)}")
-        return
-    at_end = {i for i in range(given.stages) if is_result(given, i) and is_result(known, i)}
-    # One who takes the old positions leaves out all that makes them new ones.
-    old = set()
-    if isinstance(given, NystromTableau) and isinstance(known, NystromTableau):
-        old = {i for i in range(given.stages) if known.d[i] and not any((given.d[i], *given.p[i]))}
-        yield from (_Change(1, f"the old positions used in k{i + 1}") for i in sorted(old))
-    rows = zip(_rows(given, at_end | old), _rows(known, at_end | old), strict=True)
-    for (place, mine), (_, other) in rows:
-        if not all(map(same, mine, other)):
-            yield _change(place, mine, other)
-    yield from _changed_times(given, known)
-    if isinstance(given, NystromTableau) and isinstance(known, NystromTableau):
-        for i, (mine, other) in enumerate(zip(given.d, known.d, strict=True)):
-            if not same(mine, other) and i not in old:
-                name = f"the factor of dt v in the positions of k{i + 1}"
-                yield _Change(1, _entry(name, mine, other))
-
-
-def _ratio(given: AnyTableau, known: AnyTableau) -> Number | None:
-    """The only factor by which all slopes of a Nystrom method differ in its result; None if none.
-
-    For a Runge-Kutta method, a row of the tableau says as much.
-    """
-    if isinstance(given, Tableau) or isinstance(known, Tableau):
-        return None
-    ratio = next((a / b for a, b in zip(given.b, known.b, strict=True) if b), Fraction(1))
-    scaled = dataclasses.replace(
-        known, q=tuple(ratio * each for each in known.q), b=tuple(ratio * each for each in known.b)
-    )
-    if same(ratio, Fraction(1)) or not all(map(same, _flat(given.parts), _flat(scaled.parts))):
-        return None
-    return ratio
-
-
-def _rows(tableau: AnyTableau, at_end: set[int]) -> Iterator[tuple[_Place, Row]]:
-    """The rows of coefficients of slopes, each with its place; once for stages at the result."""
-    stages = [i for i in range(tableau.stages) if i not in at_end]
-    if isinstance(tableau, Tableau):
-        yield _Place("b{}", "the result"), tableau.b
-        yield from (
-            (_Place(f"a{i + 1}{{}}", f"the argument of k{i + 1}"), tableau.a[i]) for i in stages
-        )
-        return
-    yield _Place("the factor of dt^2 k{} in the new positions", "the new positions"), tableau.q
-    yield _Place("the factor of dt k{} in the new velocities", "the new velocities"), tableau.b
-    for i in stages:
-        name = f"the positions of k{i + 1}"
-        yield _Place(f"the factor of dt^2 k{{}} in {name}", name), tableau.p[i]
-    for i, row in enumerate(tableau.a or ()):
-        name = f"the velocities of k{i + 1}"
-        yield _Place(f"the factor of dt k{{}} in {name}", name), row
-
-
-def _change(place: _Place, mine: Row, other: Row) -> _Change:
-    """How a row differs: a slope in place of another one, all by one factor, or entry by entry."""
-    pairs = [(i, j) for i in range(len(mine)) for j in range(len(mine)) if i != j]
-    for i, j in pairs:
-        if not other[j]:
-            continue
-        moved = list(other)
-        moved[i], moved[j] = other[i] + other[j], Fraction(0)
-        if all(map(same, mine, moved)):
-            used = "used twice" if other[i] else "used"
-            return _Change(1, f"k{i + 1} {used} in {place.name} in place of k{j + 1}")
-        moved[i], moved[j] = other[j], other[i]
-        if i < j and all(map(same, mine, moved)):
-            return _Change(1, f"k{i + 1} and k{j + 1} swapped in {place.name}")
-    different = [i for i, (a, b) in enumerate(zip(mine, other, strict=True)) if not same(a, b)]
-    ratio = next((a / b for a, b in zip(mine, other, strict=True) if b), 0)
-    if len(different) > 1 and ratio and all(map(same, mine, [ratio * each for each in other])):
-        return _Change(1, f"its slopes times {_shown(ratio)} in {place.name}")
-    entries = [_entry(place.symbol.format(i + 1), mine[i], other[i]) for i in different]
-    # Weights may all be mistaken for others.
-    most = _CHANGES if place.name == "the result" else len(entries)
-    return _Change(min(len(entries), most), listed(entries))
-
-
-def _changed_times(given: AnyTableau, known: AnyTableau) -> Iterator[_Change]:
-    """How the times of the slopes differ.
-
-    What goes with a change in the matrix counts nothing.
-    """
-    wanted = given.row_sums if isinstance(given, Tableau) else given.d
-    different = [i for i, (a, b) in enumerate(zip(given.c, known.c, strict=True)) if not same(a, b)]
-    following = all(map(same, given.c, wanted))
-    if different and not any(given.c):
-        yield _Change(0 if following else 1, "all slopes taken at time t")
-    else:
-        for i in different:
-            words = _entry(f"c{i + 1}", given.c[i], known.c[i])
-            yield _Change(0 if same(given.c[i], wanted[i]) else 1, words)
-
-
-def _entry(name: str, mine: Number, other: Number) -> str:
-    values = f"{_shown(mine)} in place of {_shown(other)}"
-    return f"{values} as {name}" if " " in name else f"{name} = {values}"
-
-
 def _shown(number: Number) -> str:
     return str(number) if isinstance(number, Fraction) else f"{number:.10g}"
 
@@ -368,7 +251,7 @@ def is_result(tableau: Tableau | NystromTableau, stage: int) -> bool:
 
 def _sum(step: str, row: Row) -> str:
     """What is added: slopes with their coefficients, times a power of dt."""
-    slopes = [(value, f"k{i + 1}") for i, value in enumerate(row) if value]
+    slopes = [(value, f"k{i + 1}") for i, value in enumerate(row) if not same(value, Fraction(0))]
     if len(slopes) == 1:
         return _term(slopes[0][0], f"{step} * {slopes[0][1]}")
     inner = "".join(_term(*each) for each in slopes)
@@ -377,8 +260,7 @@ def _sum(step: str, row: Row) -> str:
 
 def _term(value: Number, what: str) -> str:
     """As " + what", with its coefficient; nothing where that is 0."""
-    if not value:
+    if same(value, Fraction(0)):
         return ""
-    size = abs(value)
-    text = str(size) if isinstance(size, Fraction) else f"{size:.10g}"
-    return f" {'+' if value > 0 else '-'} {what if size == 1 else f'{text} * {what}'}"
+    size = "" if same(abs(value), Fraction(1)) else f"{_shown(abs(value))} * "
+    return f" {'+' if value > 0 else '-'} {size}{what}"

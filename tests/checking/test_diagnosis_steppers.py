@@ -217,7 +217,7 @@ YOSHIDA = np.array([1.0, -(2.0 ** (1 / 3)), 1.0]) / (2.0 - 2.0 ** (1 / 3))
 CAUSES = {
     "right without damping: order 2; 1 with it": (kicks([1.0]), 2, ["lagged-damping"]),
     "returns the velocities first": (swapped, 1, ["swapped"]),
-    "its slopes times 11/10": (weights_of(0.55), 2, ["pace"]),
+    "y_new = y + dt * (11/20 * k1 + 11/20 * k2) in": (weights_of(0.55), 2, ["pace"]),
     "this is explicit-euler; its order is 1": ("explicit-euler", 2, ["order"]),
     "dt is rounded to float32: the": (with_dt(lambda dt: float(np.float32(dt))), 1, ["float32"]),
     "above 0.0166667 give the same": (with_dt(lambda dt: min(dt, 1 / 60)), 1, ["step-size"]),
@@ -244,7 +244,7 @@ RARER_CAUSES = {
 }
 REMEDIES = {
     "velocity, which is (x_new - x)/dt": "v_new = (x_new - x) / dt + dt / 2 * a",
-    "its slopes times 11/10": "y_new = y + dt * (1/2 * k1 + 1/2 * k2)",
+    "y_new = y + dt * (11/20 * k1 + 11/20 * k2) in": "y_new = y + dt * (1/2 * k1 + 1/2 * k2)",
     "right without damping: order 2; 1 with it": (
         "damping force: -damping * (v + v_new) / 2; or claim order 1 on problems with damping"
     ),
