@@ -103,7 +103,7 @@ def converging(
     runs: Sequence[RunAndDouble],
     *,
     expected: int | None,
-    quantities: Sequence[str] | None = None,
+    norms: Sequence[Norm] | None = None,
     unsolved: Collection[float] = (),
 ) -> Convergence:
     """Measure the errors of runs with several step sizes, their orders and their limit.
@@ -112,7 +112,7 @@ def converging(
         reference: of the problem.
         runs: from coarse to fine.
         expected: the order that is claimed.
-        quantities: of the problem, that the runs have; by default all.
+        norms: of the quantities that the runs have; by default the largest distance of each.
         unsolved: the step sizes of runs that ended since their equations were not solved.
     """
     problem, dts = reference.problem, tuple(dt for dt, _, _ in runs)
@@ -121,8 +121,8 @@ def converging(
     rounding: dict[str, tuple[float, ...]] = {}
     resolution: dict[str, float] = {}
     limits: dict[str, tuple[float, float]] = {}
-    for quantity in quantities or problem.quantities:
-        norm = NORMS[f"{quantity}-max"]
+    for norm in norms or [NORMS[f"{quantity}-max"] for quantity in problem.quantities]:
+        quantity = norm.quantity
         own = tuple(_round_off(states, double, reference, norm) for _, states, double in runs)
         rounding[quantity] = own
         errors[quantity] = tuple(_largest_error(states, reference, norm) for _, states, _ in runs)

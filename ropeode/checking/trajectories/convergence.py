@@ -19,10 +19,7 @@ from ropeode.analysis import (
     UNRESOLVED,
     UNSTABLE,
     ObservedOrder,
-    distances,
     moved,
-    observed_order,
-    resolution,
 )
 from ropeode.checking.convergence import (
     PLURAL,
@@ -63,6 +60,8 @@ _ROUNDINGS, _HIGHEST, _VANISHING, _SEEN = 4.0, 4, 1e-9, 1e3
 _GROWN, _FAR_ABOVE, _HUGE = 10.0, 10.0, 100.0
 # Over a few frames coarse runs are hardly asymptotic; a wider interval says nothing of an order.
 _WIDEST = 1.0
+# So many beginnings are looked at.
+_BEGINNINGS = 24
 
 
 def order_finding(
@@ -87,32 +86,14 @@ def order_finding(
         more_runs: says which runs to add where those that there are show no order; without it,
             that is left open.
     """
-
-    def observe(
-        rounding: Callable[[Run], np.ndarray],
-        runs: Sequence[Run] = runs,
-        reference: Reference = reference,
-    ) -> Convergence:
-        return converging(
-            reference,
-            [
-                (run.dt, run.states, states_of(run.problem, run.values + rounding(run)))
-                for run in runs
-            ],
-            expected=expected,
-            quantities=runs[0].quantities,
-        )
-
-    def worst(run: Run) -> np.ndarray:
-        return worst_rounding(run, reference)
-
-    written = attrgetter("rounding")
-    as_written = observe(written)
+    observe = functools.partial(converging_runs, expected=expected)
+    worst = functools.partial(worst_rounding, reference=reference)
+    as_written = observe(reference, runs)
     single = any(run.single for run in finite(runs))
     finding = convergence_finding("order", as_written)
     if not single and _is_right(finding):
         return finding, ()
-    careful = observe(worst)
+    careful = observe(reference, runs, worst)
     if not single and (exact := _exact(reference, careful)):
         rest = dataclasses.replace(
             as_written,
@@ -124,7 +105,7 @@ def order_finding(
             line = "; ".join([*exact.values(), others.line] if rest.orders else exact.values())
             return dataclasses.replace(others, line=line, convergence=careful), ()
     if single:
-        careful = by_coarse_steps(lambda count: observe(written, runs[:count]), careful, _SHARE)
+        careful = by_coarse_steps(lambda count: observe(reference, runs[:count]), careful, _SHARE)
     finding = convergence_finding("order", careful)
     if _is_right(finding):
         note = "the finest step sizes are left out, because round-off could explain their errors"
@@ -136,7 +117,7 @@ def order_finding(
         rate, dt = fastest_rate(reference), _third_finest(runs)
         resolved = beginning(reference, resolved_frames(reference, dt, rate))
         if _has_lower_order(careful) or (
-            resolved is not None and _is_refuted(observe(worst, reference=resolved))
+            resolved is not None and _is_refuted(observe(resolved, runs, worst))
         ):
             return finding, ()
         coarse = _too_coarse(reference, dt, rate)
@@ -149,6 +130,31 @@ def order_finding(
         fix = more_runs(careful)
     line = f"{line}; {fix}" if fix else line
     return dataclasses.replace(finding, status="undetermined", line=line), ()
+
+
+def converging_runs(
+    reference: Reference,
+    runs: Sequence[Run],
+    rounding: Callable[[Run], np.ndarray] = attrgetter("rounding"),
+    *,
+    expected: int | None = None,
+    norms: Sequence[Norm] | None = None,
+) -> Convergence:
+    """Errors, orders and limit of runs from files.
+
+    Arguments:
+        reference: of the problem.
+        runs: from coarse to fine.
+        rounding: of each column of a run, ``(columns,)``; by default that of the written numbers.
+        expected: the order that is claimed.
+        norms: of quantities that the runs have; by default the largest distance of each.
+    """
+    return converging(
+        reference,
+        [(run.dt, run.states, states_of(run.problem, run.values + rounding(run))) for run in runs],
+        expected=expected,
+        norms=norms or [NORMS[f"{name}-max"] for name in runs[0].quantities],
+    )
 
 
 def worst_rounding(run: Run, reference: Reference) -> np.ndarray:
@@ -303,13 +309,8 @@ def _unstable(reference: Reference, runs: Sequence[Run], unstable: dict[str, lis
     line = "; ".join(
         f"{words} at dt = {listed([f'{dt:.4g}' for dt in dts])}" for words, dts in unstable.items()
     )
-    before = [
-        f"{order.observed:.2f} [{order.ci95[0]:.2f}, {order.ci95[1]:.2f}] in {name} over the first "
-        + first_frames(frames)
-        for name, (frames, order) in before_blow_up(reference, runs).items()
-        if order.ci95 is not None
-    ]
-    return f"{line}; before that of order {' and '.join(before)}" if before else line
+    before = " and ".join(_before_blow_up(reference, runs).values())
+    return f"{line}; before that of order {before}" if before else line
 
 
 def _undecided(
@@ -395,53 +396,19 @@ def fastest_rate(reference: Reference) -> float:
     return float(np.nanmax(each))
 
 
-def before_blow_up(
-    reference: Reference, runs: Sequence[Run]
-) -> dict[str, tuple[int, ObservedOrder]]:
-    """For each quantity the most frames over which runs converge, and the order there.
+def _before_blow_up(reference: Reference, runs: Sequence[Run]) -> dict[str, str]:
+    """For each quantity the order over the longest beginning that shows one, in words.
 
     At its beginning an unstable run has errors like any other: what grows in it starts from
     rounding or from the error of the first steps.
-
-    Arguments:
-        reference: of the problem.
-        runs: of which some blow up later.
-
-    Returns:
-        By quantity; without those that show no order over any beginning.
     """
-    problem, found = reference.problem, {}
-    for quantity in runs[0].quantities:
-        norm = NORMS[f"{quantity}-max"]
-        errors = [_largest(run.states, reference, norm) for run in runs]
-        roundings = [
-            _largest(states_of(problem, run.values + run.rounding), reference, norm, run.states)
-            for run in runs
-        ]
-        finest = resolution(reference, norm)
-        for frames in range(reference.trusted - 1, 0, -1):
-            order = observed_order(
-                [run.dt for run in runs],
-                [each[frames] for each in errors],
-                resolution=finest[frames],
-                rounding=[each[frames] for each in roundings],
-                motion=moved(reference, norm, frames),
-            )
-            if order.verdict == "converges" and _is_narrow(order):
-                found[quantity] = frames, order
-                break
-    return found
-
-
-def _is_narrow(order: ObservedOrder) -> bool:
-    return order.ci95 is not None and order.ci95[1] - order.ci95[0] <= _WIDEST
-
-
-def _largest(
-    states: np.ndarray, reference: Reference, norm: Norm, others: np.ndarray | None = None
-) -> np.ndarray:
-    """The largest distance up to each sample; infinite from where it is not finite."""
-    far = distances(states, reference, norm)
-    if others is not None:
-        far = np.abs(far - distances(others, reference, norm))
-    return np.maximum.accumulate(np.where(np.isfinite(far), far, np.inf))
+    found: dict[str, str] = {}
+    for frames in np.unique(np.geomspace(1, reference.trusted - 1, _BEGINNINGS).astype(int))[::-1]:
+        part = beginning(reference, int(frames))
+        orders = {} if part is None else converging_runs(part, runs).orders
+        for name in orders.keys() - found:
+            low, high = orders[name].ci95 or (0.0, math.inf)
+            if orders[name].verdict == "converges" and high - low <= _WIDEST:
+                order = f"{orders[name].observed:.2f} [{low:.2f}, {high:.2f}]"
+                found[name] = f"{order} in {name} over the first {first_frames(int(frames))}"
+    return {name: found[name] for name in runs[0].quantities if name in found}

@@ -3,25 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
-from operator import attrgetter
+import functools
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ropeode.analysis import (
-    ObservedOrder,
-    differences,
-    distances,
-    moved,
-    observed_order,
-    resolution,
-)
+from ropeode.analysis import differences, distances, resolution
 from ropeode.checking.trajectories.checked_runs import checked_runs
-from ropeode.checking.trajectories.convergence import shown, worst_rounding
-from ropeode.checking.trajectories.layout import samples_of, states_of
+from ropeode.checking.trajectories.convergence import converging_runs, shown, worst_rounding
 from ropeode.checking.trajectories.run_files import Run, names_of
 from ropeode.display import Tabular
 from ropeode.norms import Norm, norm_for
@@ -123,9 +115,14 @@ def trajectory_errors(
     """
     runs, measure = _runs(files, problem, dts, norm, progress, asked)
     reference = _reference(problem, progress, asked)
-    smallest = float(resolution(reference, measure)[-1])
-    errors = [_largest(run.states, reference, measure) for run in runs]
-    name = names_of(runs)
+    observed = converging_runs(reference, runs, norms=[measure])
+    order = observed.orders[measure.quantity]
+    if order.verdict != "converges" or not shown(order):
+        # As `ropeode grade` has it: the largest round-off that a sound program has counts, too.
+        worst = functools.partial(worst_rounding, reference=reference)
+        order = converging_runs(reference, runs, worst, norms=[measure]).orders[measure.quantity]
+    name, smallest = names_of(runs), observed.resolution[measure.quantity]
+    errors = [each or 0.0 for each in observed.errors[measure.quantity]]
     return TrajectoryErrors(
         problem=reference.problem,
         reference=reference,
@@ -134,7 +131,7 @@ def trajectory_errors(
             FileRow(name, run.dt, "ok", error if error >= smallest else None, smallest)
             for run, error in zip(runs, errors, strict=True)
         ),
-        orders=(StepperOrder(name, None, _order(runs, errors, reference, measure)),),
+        orders=(StepperOrder(name, None, order),),
     )
 
 
@@ -294,42 +291,6 @@ def _reference(
     problem: Problem | Reference, progress: Progress, asked: dict[str, Any]
 ) -> Reference:
     return reference_for(problem, ReferenceOptions(**asked), lambda text, _: progress(text, 1.0))
-
-
-def _largest(states: np.ndarray, reference: Reference, norm: Norm) -> float:
-    return float(np.max(distances(states, reference, norm)[1:]))
-
-
-def _order(
-    runs: Sequence[Run], errors: Sequence[float], reference: Reference, norm: Norm
-) -> ObservedOrder:
-    """The order that the files show.
-
-    As `ropeode grade` has it: the rounding of the written digits counts as round-off; where that
-    shows no convergence, so does the worst round-off that a sound program has. Coarse steps in
-    single precision have no exception here.
-    """
-
-    def with_rounding(rounding: Callable[[Run], np.ndarray]) -> ObservedOrder:
-        return observed_order(
-            [run.dt for run in runs],
-            errors,
-            resolution=float(resolution(reference, norm)[-1]),
-            rounding=[_size(rounding(run), reference, norm) for run in runs],
-            motion=moved(reference, norm),
-        )
-
-    as_written = with_rounding(attrgetter("rounding"))
-    if as_written.verdict == "converges" and shown(as_written):
-        return as_written
-    return with_rounding(lambda run: worst_rounding(run, reference))
-
-
-def _size(rounding: np.ndarray, reference: Reference, norm: Norm) -> float:
-    """A rounding of each column as a distance in the norm."""
-    problem = reference.problem
-    values = samples_of(problem, reference.states)[:, :, : len(rounding)]
-    return _largest(states_of(problem, values + rounding), reference, norm)
 
 
 def _curves(runs: Sequence[Run], times: np.ndarray, values: Sequence[np.ndarray]) -> list[Curve]:
