@@ -81,8 +81,8 @@ TERMS = {
     **{
         f"{name}_{axis}": Term(f"{words} along {axis}", remedy, 0.0, (0.0,))
         for name, words, remedy in (
-            ("gravity", "gravity", _ALL),
-            ("velocity", "the initial velocity", _START),
+            ("gravity", "an additional gravity", _ALL),
+            ("velocity", "an additional initial velocity", _START),
         )
         for axis in AXES
     },

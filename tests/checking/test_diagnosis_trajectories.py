@@ -26,19 +26,20 @@ OTHER_ROPES = [
         "stormer-verlet",
         {"initial_velocity": (1.0, 0.5)},
         {"velocities": False, "steps": (32, 64, 128, 256)},
-        "velocity (1, 0.5",
+        "initial velocity along x, of coefficient 1 and there is an additional initial velocity "
+        "along y, of coefficient 0.5",
     ),
     *(
         pytest.param(*other, marks=slow)
         for other in (
             # Too large for steps of a fit that trust its slopes.
-            ("stormer-verlet", PULLED, {}, "stiffness 200 instead of 100"),
+            ("stormer-verlet", PULLED, {}, "the spring force is counted twice"),
             # What is found is simple as far as the digits allow it.
             (
                 "semi-implicit-euler",
                 {"damping": 0.0, "gravity": (0.0, -0.7)},
                 PRINTED,
-                "gravity (0, -0.7) instead of (0, -1) and damping 0 instead of 0.01",
+                "gravity is 30% too small and the damping is left out",
             ),
         )
     ),
@@ -52,12 +53,8 @@ def test_the_rope_that_was_solved_instead(tmp_path, known, stepper, changes, how
     (diagnosis,) = report.diagnosis
     assert diagnosis.cause == "parameters"
     assert words in diagnosis.line
-    found = {name: each["found"] for name, each in diagnosis.evidence["parameters"].items()}
-    changed = {name.removeprefix("initial_"): value for name, value in changes.items()}
-    assert found == {name: pytest.approx(value) for name, value in changed.items()}
-    if how is not PRINTED:
-        order = diagnosis.evidence["orders"]["position"]["observed"]
-        assert order == pytest.approx(1.0 if "euler" in stepper else 2.0, abs=0.1)
+    order = None if how is PRINTED else 1 if "euler" in stepper else 2
+    assert order in (None, diagnosis.evidence["orders"]["position"])
 
 
 @slow
@@ -77,20 +74,24 @@ def test_numbers_are_right_to_their_spread(seed):
         num_nodes=5, start=(0.0, 0.0, 0.0), end=(3.0, 1.0, 0.5), node_mass=1.3, stiffness=3.7,
         damping=0.45, gravity=(0.3, -0.8, 0.2), pinned=(1,), initial_velocity=velocity,
     ).problem(3).changed(parameters={})  # fmt: skip
-    free = ["damping", "stiffness", "rest_length", "gravity"]
-    names = draw.choice(free, draw.integers(1, 4), replace=False)
-    changed = {name: draw.uniform(0.5, 1.6) * getattr(problem.args, name) for name in names}
+    terms = {
+        "damping": "the damping",
+        "stiffness": "the spring force",
+        "rest_length": "the rest length",
+        "gravity": "gravity",
+    }
+    names = draw.choice([*terms], draw.integers(1, 4), replace=False)
+    factors = {name: draw.uniform(0.5, 1.6) for name in names}
+    changed = {name: factor * getattr(problem.args, name) for name, factor in factors.items()}
     other = problem.changed(args=problem.args._replace(**changed))
     runs = [(1 / n, simulate(other, "rk4", n).states) for n in (24, 36, 48, 72, 96)]
     (found,) = diagnose_trajectories(problem, reference(problem), runs, problem.quantities)
     # Damping and stiffness together have the same effect as a mass and one of them.
-    each = [found.evidence["parameters"], *found.evidence["alternatives"]]
-    (numbers,) = (numbers for numbers in each if {*numbers} == {*names})
-    for name, number in numbers.items():
-        found = np.ravel(number["found"])
-        off = np.abs(found - np.ravel(changed[name])[: len(found)])
-        assert np.all(off <= number["spread"])
-        assert np.all(np.asarray(number["spread"]) < 3e-3)
+    right = {terms[name]: factor for name, factor in factors.items()}
+    each = [found.evidence["terms"], *found.evidence["alternatives"]]
+    (fitted,) = (some for some in each if {term["term"] for term in some} == {*right})
+    for term in fitted:
+        assert abs(term["found"] - right[term["term"]]) <= term["spread"] < 3e-3
 
 
 def test_what_has_no_wrong_numbers(known):

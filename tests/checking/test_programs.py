@@ -182,14 +182,14 @@ def test_few_digits_are_no_mistake(known, tmp_path, digits):
 
 
 OTHER_TERMS = {
-    "gravity (0, -2) instead of (0, -1) and a damping along each spring, of coefficient 0.3": {
+    "gravity is counted twice and there is a damping along each spring, of coefficient 0.3": {
         "gravity": 2.0,
         "dashpot": 0.3,
     },
-    "a damping along each spring, of coefficient -0.01": {"dashpot": -0.01},
+    "a damping along each spring, of coefficient -0.01 (± 0.002)": {"dashpot": -0.01},
     "a damping of each spring's two nodes, of coefficient 0.05": {"drag_per_spring": 0.05},
-    "no pull of springs on the node behind them": {"one_sided": True},
-    "1.001 times the mass": {"forces": 0.999},
+    "the pull of springs on the node behind them is left out": {"one_sided": True},
+    "the mass is 0.1001% too large": {"forces": 0.999},
 }
 
 

@@ -1,4 +1,4 @@
-"""The terms of a rope's forces that make it move like the limit of a program's runs."""
+"""Fits of terms to a motion that was observed, for many sets of terms at once."""
 
 from __future__ import annotations
 
@@ -7,22 +7,10 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.integrate import DOP853
 
-from ropeode.checking.diagnosis.limits import ObservedLimit
-from ropeode.checking.diagnosis.rope_forces import (
-    Forces,
-    Terms,
-    initial_states,
-    right_terms,
-)
-from ropeode.problems import Problem
-from ropeode.theory.terms import AXES, TERMS
+from ropeode.checking.diagnosis.rope_forces import Terms, right_terms
+from ropeode.theory.terms import TERMS
 
-# The relative error of solutions, and the most steps in each frame.
-FINEST, _COARSEST, _MOST_STEPS = 1e-11, 1e-7, 512
-# How precisely a fit is solved, as a part of the limit's uncertainty.
-_PRECISION = 1e-2
 # By how much a term is changed for its derivative.
 _DIFFERENCE = 1e-6
 # How strongly the first step of a fit is damped. If a step comes closer by this part of what the
@@ -34,9 +22,8 @@ _FIRST_DAMPING, _SMALLER, _AS_PROMISED, _LARGER, _MOST_ITERATIONS = 1e-2, 10.0, 
 _SMALL_STEP, _MOST_OF_IT = 1e-11, 0.9
 # The smallest factor of all forces that a positive mass explains.
 _SMALLEST = 0.01
-# The most groups of terms that are changed together; that of all forces and gravity is changed
-# alone.
-_MOST_GROUPS = 3
+# The most terms that are changed together.
+_MOST_CHANGES = 4
 # All samples are taken for sets that leave so few units of uncertainty of the first samples, or so
 # small a part of what the right rope leaves; and for so many at most.
 _NEARLY, _LEFT, _MOST_NEAR = 10.0, 1e-3, 24
@@ -46,102 +33,12 @@ class Group(NamedTuple):
     """Terms that one mistake changes together.
 
     Fields:
-        name: of the group.
         terms: of `TERMS`.
         unit: what a change by 1 adds to each; chosen so that all changes are of similar size.
     """
 
-    name: str
     terms: tuple[str, ...]
-    unit: float
-
-
-def groups_of(problem: Problem) -> list[Group]:
-    """The terms of a rope with springs that can be told from each other."""
-    args, (_, v0) = problem.args, problem.y0
-    axes = AXES[: len(v0)]
-    span = float(problem.ts[-1] - problem.ts[0])
-    length = float(np.mean(args.rest_length)) or problem.scale
-    rate = float(np.mean(args.mass)) / span
-    damping = np.asarray(args.damping)
-    groups = [
-        Group(
-            "gravity",
-            tuple(f"gravity_{axis}" for axis in axes),
-            float(np.linalg.norm(args.gravity)) or length / span**2,
-        ),
-        Group("velocity", ("velocity",), 1.0)
-        if np.any(v0)
-        else Group("velocity", tuple(f"velocity_{axis}" for axis in axes), length / span),
-        Group("stiffness", ("spring",), 1.0),
-        Group("rest_length", ("rest",), 1.0),
-        Group("mass", ("forces",), 1.0),
-        Group("dashpot", ("dashpot",), rate),
-        Group("per_spring", ("per_spring",), rate),
-        *(Group(name, (name,), 1.0) for name in ("first_ends", "second_ends", "all")),
-    ]
-    if np.any(damping):
-        unit = max(rate / float(np.mean(np.abs(damping))), 1.0)
-        groups.append(Group("damping", ("damping",), unit))
-    else:
-        groups.append(Group("damping", ("further",), rate))
-    if np.ptp(damping):
-        groups.append(Group("further", ("further",), rate))
-    return groups
-
-
-def exact_motion(problem: Problem, terms: Terms, samples: int, steps: int) -> np.ndarray:
-    """How ropes with such terms move, by the method of order 8 of DOP853 with equal steps.
-
-    Arguments:
-        problem: a rope, with the sample times.
-        terms: of the copies of the rope.
-        samples: how many, beside the first.
-        steps: in each frame.
-
-    Returns:
-        ``(copies, samples, *state)``; not finite where a copy blows up.
-    """
-    forces = Forces(problem.args, terms)
-    y = np.stack(initial_states(problem, terms))
-    slopes, states = np.empty((len(DOP853.C), *y.shape)), []
-    with np.errstate(all="ignore"):
-        for length in np.diff(problem.ts[: samples + 1]):
-            h = length / steps
-            for _ in range(steps):
-                for stage, weights in enumerate(DOP853.A):
-                    x, v = y + h * np.tensordot(weights[:stage], slopes[:stage], 1)
-                    slopes[stage] = v, forces(x, v)
-                y = y + h * np.tensordot(DOP853.B, slopes, 1)
-            states.append(y)
-    return np.moveaxis(np.stack(states), 2, 0)
-
-
-class Motion(NamedTuple):
-    """How one rope moves.
-
-    Fields:
-        steps: in each frame, with which it was found.
-        states: after the first sample, ``(samples, *state)``.
-        error: how far they are from those of half as many steps; of the same shape.
-    """
-
-    steps: int
-    states: np.ndarray
-    error: np.ndarray
-
-
-def motion_to(problem: Problem, terms: Terms, tolerance: float) -> Motion:
-    """The motion of one rope with such terms, with as few steps as a tolerance allows."""
-    samples, steps = len(problem.ts) - 1, 4
-    coarse = exact_motion(problem, terms, samples, steps)[0]
-    while True:
-        steps *= 2
-        fine = exact_motion(problem, terms, samples, steps)[0]
-        error = np.abs(fine - coarse)
-        if np.max(error[:, 0]) <= tolerance * problem.scale or steps >= _MOST_STEPS:
-            return Motion(steps, fine, error)
-        coarse = fine
+    unit: float = 1.0
 
 
 class Fit(NamedTuple):
@@ -166,7 +63,14 @@ class Fit(NamedTuple):
 
     def values(self) -> dict[str, float]:
         """The value of each term that could change."""
-        return dict(zip(_names(self.groups), _values(self.groups, self.changes), strict=True))
+        return dict(
+            zip(_names(self.groups), _values(self.groups, self.changes).tolist(), strict=True)
+        )
+
+    def spreads(self) -> dict[str, float]:
+        """How far each value may be from the true one."""
+        off = _units(self.groups) * self.spread
+        return dict(zip(_names(self.groups), off.tolist(), strict=True))
 
 
 def _names(groups: Sequence[Group]) -> list[str]:
@@ -176,13 +80,11 @@ def _names(groups: Sequence[Group]) -> list[str]:
 def _values(groups: Sequence[Group], changes: np.ndarray) -> np.ndarray:
     """The values of the terms of some groups, ``(..., terms)``, from their changes."""
     expected = [TERMS[name].expected for name in _names(groups)]
-    units = [group.unit for group in groups for _ in group.terms]
-    return np.array(expected) + np.array(units) * changes
+    return np.array(expected) + _units(groups) * changes
 
 
-def terms_with(values: dict[str, float]) -> dict[str, np.ndarray]:
-    """The terms of a rope of which some have these values."""
-    return right_terms(1) | {name: np.full(1, value) for name, value in values.items()}
+def _units(groups: Sequence[Group]) -> np.ndarray:
+    return np.array([group.unit for group in groups for _ in group.terms])
 
 
 class _Trial:
@@ -236,32 +138,6 @@ class _Trial:
         return fit if fit.values().get("forces", 1.0) >= _SMALLEST else None
 
 
-class _ExactMotion:
-    """The motion of ropes, as precise as the uncertainty of a limit makes sense.
-
-    Arguments:
-        limit: with which it is compared.
-    """
-
-    def __init__(self, limit: ObservedLimit):
-        self._problem = limit.problem
-        # The motion in units of the uncertainty.
-        size = max(
-            size * float(np.max(1.0 / limit.problem.quantity(name, limit.uncertainty)))
-            for name, size in limit.motion.items()
-        )
-        self._tolerance = float(np.clip(_PRECISION / size, FINEST, _COARSEST))
-        self._steps = motion_to(limit.problem, right_terms(1), self._tolerance).steps
-
-    def __call__(self, terms: Terms, samples: int) -> np.ndarray:
-        return exact_motion(self._problem, terms, samples, self._steps)
-
-    def refine(self, terms: Terms) -> None:
-        """Take the smaller steps that changed ropes may need."""
-        steps = motion_to(self._problem, terms, self._tolerance).steps
-        self._steps = max(self._steps, steps)
-
-
 class Fitting:
     """Changes terms so that a rope moves as it was observed to.
 
@@ -269,7 +145,6 @@ class Fitting:
         motion: of copies of the rope with given terms, at the first samples.
         states: that are observed, ``(1 + samples, *numbers)``.
         uncertainty: of each, of the same shape.
-        refine: makes the motion precise enough for a rope with these terms, if it may not be so.
     """
 
     def __init__(
@@ -277,17 +152,10 @@ class Fitting:
         motion: Callable[[Terms, int], np.ndarray],
         states: np.ndarray,
         uncertainty: np.ndarray,
-        refine: Callable[[Terms], None] = lambda terms: None,
     ):
-        self._motion, self._refine, self._samples = motion, refine, len(states) - 1
+        self._motion, self._samples = motion, len(states) - 1
         self._weights = 1.0 / uncertainty[1:].reshape(self._samples, -1)
         self._target = np.nan_to_num(states[1:]).reshape(self._weights.shape)
-
-    @classmethod
-    def to_limit(cls, limit: ObservedLimit) -> Fitting:
-        """To what the runs of a program tend to."""
-        exact = _ExactMotion(limit)
-        return cls(exact, limit.states, limit.uncertainty, exact.refine)
 
     def _differences(
         self, sets: Sequence[tuple[tuple[Group, ...], np.ndarray]], samples: int
@@ -335,47 +203,49 @@ class Fitting:
 
     def refined(self, fits: Sequence[Fit]) -> list[Fit]:
         """Fits to all samples, from those that are near."""
-        if not fits:
-            return []
-        self._refine(terms_with(min(fits, key=lambda fit: fit.misfit).values()))
         return self.fits([(fit.groups, fit.changes) for fit in fits], self._samples)
 
     def explaining(
         self,
         groups: Sequence[Group],
-        sizes: Iterable[int] = range(1, _MOST_GROUPS + 1),
+        sizes: Iterable[int] = range(1, _MOST_CHANGES + 1),
         iterations: int = _MOST_ITERATIONS,
     ) -> Iterator[list[Fit]]:
-        """Sets of groups whose change explains what is observed, by their number.
+        """Sets of groups whose change explains what is observed, by the number of their terms.
 
         A fit begins with the first samples, where the motion depends on the terms almost linearly;
         those that come closest are fitted to all samples.
 
         Arguments:
-            groups: that may be changed.
-            sizes: of the sets.
+            groups: that may be changed; all forces and gravity only alone.
+            sizes: how many terms change.
             iterations: at most, for the first samples.
 
         Yields:
-            All fits with one group, then those with two, and so on.
+            All fits with one changed term, then those with two, and so on.
         """
         first = max(self._samples // 3, 1)
         ((right, _),) = self._differences([((), np.zeros(0))], first)
         most = max(_NEARLY, _LEFT * float(np.max(np.abs(right))))
+        several = [group for group in groups if group.terms != ("all",)]
+        together = [
+            *((group,) for group in groups),
+            *(some for n in (2, 3) for some in itertools.combinations(several, n)),
+        ]
         for size in sizes:
             sets = [
                 (some, np.concatenate(start))
-                for some in itertools.combinations(groups, size)
-                if size == 1 or all(group.name != "all" for group in some)
-                for start in itertools.product(*(_starts(group, size) for group in some))
+                for some in together
+                if len(_names(some)) == size
+                for start in itertools.product(*(_starts(group, len(some)) for group in some))
             ]
             near = [fit for fit in self.fits(sets, first, iterations) if fit.misfit <= most]
             near = sorted(near, key=lambda fit: fit.misfit)[:_MOST_NEAR]
             yield [*{fit.groups: fit for fit in self.refined(near) if fit.explains}.values()]
 
 
-def _starts(group: Group, size: int) -> list[np.ndarray]:
+def _starts(group: Group, groups: int) -> list[np.ndarray]:
     """The changes of a group from which it is fitted: zero, and if it changes alone other ones."""
     term = TERMS[group.terms[0]]
-    values = term.starts if size == 1 else (term.expected,)
+    values = term.starts if groups == 1 else (term.expected,)
     return [np.full(len(group.terms), (value - term.expected) / group.unit) for value in values]

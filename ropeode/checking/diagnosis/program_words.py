@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from ropeode.checking.diagnosis.limits import Runs
 from ropeode.checking.diagnosis.methods import MISTAKEN
 from ropeode.checking.diagnosis.programs import (
     KEPT,
     Program,
+    Runs,
     Unforced,
     power,
     programs_of,
@@ -26,6 +26,8 @@ from ropeode.validation import listed
 
 # How precisely a number is found, as a part of itself and of the right one.
 _PRECISION = 1e-7
+# With a larger spread, as a part of itself and of the right one, nothing is said but the number.
+_LARGEST_SPREAD = 1e-2
 _SCALE = TERMS["kept"].remedy
 _PER_STEP = "{}, however long the step is, so that the runs have no limit as dt goes to 0"
 _ADDED = "are never set to zero: each step adds those of all steps before"
@@ -208,17 +210,35 @@ def _by_power(
     name = program.changed[0]
     term = TERMS[name]
     if exponent == 0.0:
-        words = said(name, value)
-        known = [
-            each.words
-            for each in (known_mistakes(problem.args) if has_rope_forces(problem) else ())
-            if each.number is not None
-            and each.kind == {"forces": "mass"}.get(name, name)
-            and abs(each.number - value) <= _PRECISION * max(abs(value), 1.0)
-        ]
-        if known and term.expected == 1.0 and value not in FACTORS.values():
-            words += f" (perhaps it {known[0]})"
-        return "parameters", words, term.remedy
+        return "parameters", wrong_term(problem, name, value), term.remedy
     if exponent < 0.0 and "damping" in term.name:
         return "damping-per-step", _PER_STEP.format(f"{term.name} acts once per step"), _SCALE
     return "step-size", by_power(name, exponent), term.remedy
+
+
+def wrong_term(problem: Problem, name: str, value: float, spread: float = _PRECISION) -> str:
+    """A sentence: what is wrong with a term that has this value.
+
+    Arguments:
+        problem: whose numbers may explain it.
+        name: of the term.
+        value: its factor, or its coefficient if there should be no such term.
+        spread: by how much the value may be off.
+    """
+    term, size = TERMS[name], max(abs(value), TERMS[name].expected)
+    if spread > _LARGEST_SPREAD * size:
+        number = f"{value:.2g} (± {spread:.1g})"
+        if term.expected == 0.0:
+            return f"there is {term.name}, of coefficient {number}"
+        return f"{term.name} is {number} times what it should be"
+    words = said(name, value)
+    if term.expected == 0.0 or value in FACTORS.values() or not has_rope_forces(problem):
+        return words
+    kind = {"forces": "mass"}.get(name, name)
+    known = [
+        each.words
+        for each in known_mistakes(problem.args)
+        if each.kind == kind and each.number is not None
+        if abs(each.number - value) <= max(spread, _PRECISION * size)
+    ]
+    return f"{words} (perhaps it {known[0]})" if known else words

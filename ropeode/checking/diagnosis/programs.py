@@ -17,7 +17,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ropeode.checking.diagnosis.fitted_terms import Fitting, Group
-from ropeode.checking.diagnosis.limits import Runs
 from ropeode.checking.diagnosis.methods import (
     METHODS,
     MISTAKEN,
@@ -41,6 +40,9 @@ from ropeode.precision import in_float64
 from ropeode.problems import Problem
 from ropeode.study import problem_class
 from ropeode.theory.terms import TERMS, KnownMistake, known_mistakes
+
+# The step size and the states ``(times, *state)`` of each run.
+Runs = Sequence[tuple[float, np.ndarray]]
 
 # A number is found in the first frame; the program must then give those up to here as well. Where
 # steps are many, the second frame is enough.
@@ -430,7 +432,7 @@ def programs_of(
         if own >= {*terms} and (rope or terms != ("old_forces",)):
             changed += [_Guess(terms, start) for start in TERMS[terms[0]].starts]
     unlikely = "further" if rope and np.any(problem.args.damping) else "damping"
-    groups = [Group(name, (name,), 1.0) for name in _IN_PAIRS if name in own - {unlikely}]
+    groups = [Group((name,)) for name in _IN_PAIRS if name in own - {unlikely}]
     methods = METHODS[kind]
     fine = known[0].by_number()[0] > _MOST_STEPS_OF_ITERATIONS
     quick = tuple(each for each in methods if not each.iterates)

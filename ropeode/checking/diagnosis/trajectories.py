@@ -4,36 +4,24 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from scipy.integrate import DOP853
 
-from ropeode.analysis import (
-    ORDER_TOLERANCE,
-    RESOLUTION_FACTOR,
-    ObservedOrder,
-    distances,
-    moved,
-    observed_order,
+from ropeode.checking.diagnosis.fitted_terms import Fit, Fitting, Group
+from ropeode.checking.diagnosis.program_words import wrong_term
+from ropeode.checking.diagnosis.programs import Runs
+from ropeode.checking.diagnosis.rope_forces import (
+    Forces,
+    Terms,
+    has_rope_forces,
+    initial_states,
+    right_terms,
 )
-from ropeode.checking.diagnosis.fitted_numbers import (
-    NamedMistake,
-    Number,
-    named_mistakes,
-    numbers_of,
-    rounded,
-    simplified,
-)
-from ropeode.checking.diagnosis.fitted_terms import (
-    FINEST,
-    Fit,
-    Fitting,
-    groups_of,
-    motion_to,
-    terms_with,
-)
-from ropeode.checking.diagnosis.limits import ObservedLimit, Runs, observe_limit
-from ropeode.checking.diagnosis.rope_forces import Forces, has_rope_forces, right_terms
 from ropeode.checking.report import Diagnosis
+from ropeode.checking.richardson import limit_of
+from ropeode.checking.simple_numbers import shortest
 from ropeode.checking.trajectories.convergence import first_frames
 from ropeode.checking.written_precision import rounding_of
 from ropeode.norms import NORMS
@@ -41,13 +29,19 @@ from ropeode.precision import in_float64
 from ropeode.problems import Problem
 from ropeode.references import Reference
 from ropeode.theory import is_rope
-from ropeode.theory.terms import TERMS
+from ropeode.theory.terms import AXES, TERMS
 
 # At first a motion depends on the parameters most simply, and later frames add little. With
 # fewer than three frames none could be kept back to confirm what the others say.
 _MOST_FRAMES, _FEWEST_FRAMES = 6, 3
-# By how much of its spread a number that is not simple may be rounded.
-_PART = 0.1
+# A limit is at least as uncertain as this part of the motion, like the solutions that are compared
+# with it; and says something if it is at most as uncertain as that part.
+_FLOOR, _LARGEST_UNCERTAINTY = 1e-9, 3e-3
+# A motion this much smaller than the right one counts as a standstill.
+_STANDSTILL = 1e-2
+# How precise those solutions are, as a part of the limit's uncertainty and of the problem's size;
+# and the most steps in each frame.
+_PRECISION, _FINEST, _COARSEST, _MOST_STEPS = 1e-2, 1e-11, 1e-7, 512
 # Of ropes that move the same so many are said.
 _MOST_SAID = 3
 # How closely the acceleration of a problem is that of a rope.
@@ -63,8 +57,8 @@ def diagnose_trajectories(
 ) -> tuple[Diagnosis, ...]:
     """Find what runs of a problem solve instead of it.
 
-    The program cannot be run again. So parameters are fitted to the first two thirds of what
-    the runs tend to, and the rest must confirm them.
+    The program cannot be run again. So terms of the forces are fitted to the first two thirds of
+    what the runs tend to, and the rest must confirm them.
 
     Arguments:
         problem: the problem that the program should solve.
@@ -74,19 +68,15 @@ def diagnose_trajectories(
         quantities: of the problem, that the runs have.
 
     Returns:
-        One diagnosis; `unknown` if no change of parameters explains the runs.
+        One diagnosis; `unknown` if no change of terms explains the runs.
     """
     if not _moves_as_rope(problem, reference):
         return (_unknown("the problem has no parameters that could be fitted"),)
-    beginnings = [
-        (frames, *_beginning(problem, runs, frames))
-        for frames in range(min(problem.frames, _MOST_FRAMES, reference.trusted - 1), 0, -1)
-    ]
-    for frames, part, part_runs in beginnings:
-        rounding = {name: _rounding(part_runs, name, part) for name in quantities}
-        limit = observe_limit(part, part_runs, quantities, rounding)
+    for frames in range(min(problem.frames, _MOST_FRAMES, reference.trusted - 1), 0, -1):
+        part = problem.changed(ts=problem.ts[: frames + 1], exact=None)
+        limit = _observed([(dt, states[: frames + 1]) for dt, states in runs], part, quantities)
         if limit is not None:
-            return (_diagnose_limit(limit, frames, part_runs, reference),)
+            return (_diagnose_limit(limit, frames, reference),)
     return (
         _unknown(
             "the runs do not tend to any limit with an integer order as dt goes to 0 (at least "
@@ -95,33 +85,73 @@ def diagnose_trajectories(
     )
 
 
-def _beginning(problem: Problem, runs: Runs, frames: int) -> tuple[Problem, Runs]:
-    """The first frames of a problem and of its runs."""
-    return (
-        problem.changed(ts=problem.ts[: frames + 1], exact=None),
-        [(dt, states[: frames + 1]) for dt, states in runs],
-    )
+@dataclasses.dataclass(frozen=True)
+class _Observed:
+    """The trajectory that the runs of a problem tend to as dt goes to 0.
+
+    Arguments:
+        problem: the problem that the runs should solve.
+        states: ``(times, *state)``; not-a-number in quantities that the runs lack.
+        uncertainty: of each number, of the same shape; infinite in quantities that the runs lack.
+        orders: the order with which each quantity tends to its limit; None where the runs do
+            not depend on dt.
+    """
+
+    problem: Problem
+    states: np.ndarray
+    uncertainty: np.ndarray
+    orders: dict[str, int | None]
+
+    @property
+    def orders_in_words(self) -> str:
+        """With which the runs tend to it."""
+        texts = {
+            name: f"order {order}" if order else "an unknown order"
+            for name, order in self.orders.items()
+        }
+        if len({*texts.values()}) == 1:
+            return texts[next(iter(texts))]
+        return " and ".join(f"{text} in {name}" for name, text in texts.items())
 
 
-def _rounding(runs: Runs, quantity: str, problem: Problem) -> float:
-    half = problem.quantities.index(quantity)
-    values = np.concatenate([states[1:, half].ravel() for _, states in runs])
-    return rounding_of(values[np.isfinite(values)])
+def _observed(runs: Runs, problem: Problem, quantities: Sequence[str]) -> _Observed | None:
+    """Extrapolate runs to dt = 0; None if a quantity has no limit, or one that is uncertain."""
+    states = np.full((len(problem.ts), *problem.y0.shape), np.nan)
+    uncertainty = np.full(states.shape, np.inf)
+    orders: dict[str, int | None] = {}
+    for name in quantities:
+        half = problem.quantities.index(name)
+        numbers = [run[:, half] for _, run in runs]
+        written = np.concatenate([each[1:].ravel() for each in numbers])
+        rounding = rounding_of(written[np.isfinite(written)])
+        limit = limit_of([dt for dt, _ in runs], numbers, rounding)
+        if limit is None:
+            return None
+        motion = float(np.max(np.abs(limit.values - limit.values[:1])))
+        uncertain = limit.order is not None
+        if uncertain and limit.uncertainty[-1] > _LARGEST_UNCERTAINTY * motion:
+            return None
+        states[:, half] = limit.values
+        each = np.maximum(limit.uncertainty, _FLOOR * max(motion, 1e-300))
+        uncertainty[:, half] = each.reshape(-1, *(1,) * (limit.values.ndim - 1))
+        orders[name] = limit.order
+    return _Observed(problem, states, uncertainty, orders)
 
 
-def _diagnose_limit(
-    limit: ObservedLimit, frames: int, runs: Runs, reference: Reference
-) -> Diagnosis:
-    beginning = dataclasses.replace(reference, states=reference.states[: frames + 1])
-    orders = " and ".join(f"{order} in {name}" for name, order in limit.orders.items() if order)
-    bounds = [reference.bound(NORMS[f"{name}-max"])[frames] for name in limit.problem.quantities]
-    if limit.misfit(beginning.states, np.reshape(bounds, (-1, 1, 1))) <= 1.0:
+def _diagnose_limit(limit: _Observed, frames: int, reference: Reference) -> Diagnosis:
+    problem, right = limit.problem, reference.states[: frames + 1]
+    bounds = [reference.bound(NORMS[f"{name}-max"])[frames] for name in problem.quantities]
+    apart = np.abs(limit.states - right) / (limit.uncertainty + np.reshape(bounds, (-1, 1, 1)))
+    if all(np.max(problem.quantity(name, apart[1:])) <= 1.0 for name in limit.orders):
         return _unknown(
             f"the runs tend to the right solution over the first {first_frames(frames)}, with "
-            f"order {orders or 'none'}; runs of a single problem cannot show why the order is too "
+            f"{limit.orders_in_words}; runs of a single problem cannot show why the order is too "
             "low"
         )
-    if limit.stands_still(beginning):
+    way, all_the_way = (
+        float(np.max(np.abs(states[:, 0] - states[0, 0]))) for states in (limit.states, right)
+    )
+    if way < _STANDSTILL * all_the_way:
         return _unknown("the rope stops moving as dt goes to 0")
     if frames < _FEWEST_FRAMES:
         return _unknown(
@@ -129,13 +159,13 @@ def _diagnose_limit(
             f"over the first {first_frames(frames)}, too few to keep some back to confirm it; use "
             "smaller steps, or samples at shorter intervals"
         )
-    confirmed = _confirmed(limit, frames, runs, beginning)
+    confirmed = _confirmed(limit, frames)
     if not confirmed:
         return _unknown(
             "the runs tend to a wrong solution; no change of gravity, damping, springs, mass or "
             "initial velocity explains it"
         )
-    return _diagnosis(limit.problem, confirmed)
+    return _diagnosis(limit, confirmed)
 
 
 def _moves_as_rope(problem: Problem, reference: Reference) -> bool:
@@ -150,163 +180,162 @@ def _moves_as_rope(problem: Problem, reference: Reference) -> bool:
     return True
 
 
-@dataclasses.dataclass(frozen=True)
-class _Solved:
-    """A rope that a program solves.
-
-    Arguments:
-        numbers: that differ from the right ones.
-        orders: of each quantity, observed against the motion of this rope.
-        bound: the estimated error of that motion, in positions.
-        misfit: the largest difference between it and the limit of the runs, in units of the
-            limit's uncertainty.
-    """
-
-    numbers: tuple[Number, ...]
-    orders: dict[str, ObservedOrder]
-    bound: float
-    misfit: float
-
-
-def _confirmed(
-    limit: ObservedLimit, frames: int, runs: Runs, reference: Reference
-) -> list[_Solved]:
+def _confirmed(limit: _Observed, frames: int) -> list[Fit]:
     """The ropes with the fewest changes, fitted to the beginning, that also predict the rest.
 
     There may be several that move alike, between which the runs cannot decide.
     """
-    uncertainty = limit.uncertainty.copy()
-    uncertainty[-(frames // 3) :] = np.inf
-    beginning = dataclasses.replace(limit, uncertainty=uncertainty)
-    fitting = Fitting.to_limit(limit)
-    for first in Fitting.to_limit(beginning).explaining(groups_of(limit.problem)):
-        confirmed = []
-        for fit in fitting.refined(first):
-            before = next(each for each in first if each.groups == fit.groups)
-            if fit.explains and _agree(before, fit):
-                confirmed.append(_solved(limit, fit, runs, reference))
-        if found := [each for each in confirmed if each is not None]:
+    beginning = limit.uncertainty.copy()
+    beginning[-(frames // 3) :] = np.inf
+    steps = _steps_for(limit)
+
+    def motion(terms: Terms, samples: int) -> np.ndarray:
+        return _exact_motion(limit.problem, terms, samples, steps)
+
+    every = Fitting(motion, limit.states, limit.uncertainty)
+    for first in Fitting(motion, limit.states, beginning).explaining(_groups_of(limit.problem)):
+        before = {fit.groups: fit for fit in first}
+        confirmed = [
+            fit
+            for fit in every.refined(first)
+            if fit.explains
+            if np.all(
+                np.abs(fit.changes - before[fit.groups].changes)
+                <= fit.spread + before[fit.groups].spread
+            )
+        ]
+        if confirmed:
             # The simplest numbers come first.
-            return sorted(found, key=lambda each: sum(number.digits for number in each.numbers))
+            return sorted(confirmed, key=lambda fit: sum(map(_digits, _simple(fit).values())))
     return []
 
 
-def _agree(first: Fit, second: Fit) -> bool:
-    """Whether two fits of the same terms agree within their spreads."""
-    return bool(np.all(np.abs(first.changes - second.changes) <= first.spread + second.spread))
+def _steps_for(limit: _Observed) -> int:
+    """How many steps in each frame solve the rope more precisely than its limit is known.
 
-
-def _solved(limit: ObservedLimit, fit: Fit, runs: Runs, reference: Reference) -> _Solved | None:
-    """The rope of a fit, if the runs converge to its motion; None if they do not."""
-    problem, fitted = limit.problem, numbers_of(limit.problem, fit)
-    # Simple numbers that are each within their spread may together be off by more.
-    for numbers in (
-        tuple(simplified(problem, number) for number in fitted),
-        tuple(rounded(number, _PART) for number in fitted),
-        fitted,
-    ):
-        values = {name: value for each in numbers for name, value in each.values().items()}
-        _, moved_to, error = motion_to(problem, terms_with(values), FINEST)
-        states = np.concatenate([problem.y0[None], moved_to])
-        misfit = limit.misfit(states, error)
-        if misfit <= 1.0:
+    Half of them would do, which leaves a factor of 2^8 to ropes with stiffer springs.
+    """
+    problem, steps = limit.problem, 4
+    finite = np.isfinite(limit.uncertainty)
+    precision = float(np.min(limit.uncertainty[finite]))
+    tolerance = float(np.clip(_PRECISION * precision / problem.scale, _FINEST, _COARSEST))
+    samples = len(problem.ts) - 1
+    coarse, fine = (_exact_motion(problem, right_terms(1), samples, n) for n in (steps, 2 * steps))
+    while np.max(np.abs(fine - coarse)[:, :, 0]) > tolerance * problem.scale:
+        steps *= 2
+        if steps >= _MOST_STEPS:
             break
-    else:
-        return None
-    # Only its states differ: what they are compared with is this rope.
-    solution = dataclasses.replace(reference, states=states)
-    orders = {name: _order(solution, error, runs, name, limit.uncertainty) for name in limit.orders}
-    if any(order.verdict == "does not converge" for order in orders.values()):
-        return None
-    bound = float(np.max(problem.quantity("position", error)))
-    return _Solved(numbers, orders, bound, misfit)
+        coarse, fine = fine, _exact_motion(problem, right_terms(1), samples, 2 * steps)
+    return 2 * steps
 
 
-def _order(
-    solution: Reference, error: np.ndarray, runs: Runs, name: str, uncertainty: np.ndarray
-) -> ObservedOrder:
-    """Observed against a motion whose numbers are as uncertain as the limit."""
-    problem, norm = solution.problem, NORMS[f"{name}-max"]
-    unknown = float(np.max(problem.quantity(name, uncertainty)))
-    unknown += float(np.max(problem.quantity(name, error)))
-    errors = [
-        float(np.max(distances(states, solution, norm)[1:]))
-        if np.all(np.isfinite(problem.quantity(name, states)))
-        else None
-        for _, states in runs
-    ]
-    return observed_order(
-        [dt for dt, _ in runs],
-        errors,
-        resolution=RESOLUTION_FACTOR * unknown,
-        motion=moved(solution, norm, len(solution.states) - 1),
-    )
-
-
-def _diagnosis(problem: Problem, solved: Sequence[_Solved]) -> Diagnosis:
-    """The diagnosis that a program solves a rope with other numbers.
+def _exact_motion(problem: Problem, terms: Terms, samples: int, steps: int) -> np.ndarray:
+    """How ropes with such terms move, by the method of order 8 of DOP853 with equal steps.
 
     Arguments:
-        problem: that it should solve.
-        solved: ropes between which the runs cannot decide, at least one.
+        problem: a rope, with the sample times.
+        terms: of the copies of the rope.
+        samples: how many, beside the first.
+        steps: in each frame.
+
+    Returns:
+        ``(copies, samples, *state)``; not finite where a copy blows up.
     """
-    first, *others = solved
-    unsaid = len(solved) - _MOST_SAID
-    mistakes = [_mistakes(problem, each) for each in solved]
-    words = [" and ".join(number.words for number in each.numbers) for each in solved]
-    said = [[f"as if {each.words}" for each in several] for several in mistakes]
-    line = f"your stepper solves, to {_orders_in_words(first)}, the rope with "
-    if not others:
-        line += ": ".join(filter(None, (words[0], "; ".join(said[0]))))
-    else:
-        line += "; or, which these runs cannot tell apart, with ".join(
-            f"{each} ({'; '.join(texts)})" if texts else each
-            for each, texts in [*zip(words, said, strict=True)][:_MOST_SAID]
-        )
-        line += f"; or with {unsaid} further sets of numbers" if unsaid > 0 else ""
-    numbers = [{number.name: number.as_json() for number in each.numbers} for each in solved]
-    evidence = {
-        "parameters": numbers[0],
-        "alternatives": numbers[1:],
-        "orders": {
-            name: {"observed": order.observed, "ci95": order.ci95, "verdict": order.verdict}
-            for name, order in first.orders.items()
-        },
-        "reference_bound": first.bound,
-        "misfit": first.misfit,
-        "hints": list(dict.fromkeys(text for texts in said for text in texts)),
+    forces = Forces(problem.args, terms)
+    y = np.stack(initial_states(problem, terms))
+    slopes, states = np.empty((len(DOP853.C), *y.shape)), []
+    with np.errstate(all="ignore"):
+        for length in np.diff(problem.ts[: samples + 1]):
+            h = length / steps
+            for _ in range(steps):
+                for stage, weights in enumerate(DOP853.A):
+                    x, v = y + h * np.tensordot(weights[:stage], slopes[:stage], 1)
+                    slopes[stage] = v, forces(x, v)
+                y = y + h * np.tensordot(DOP853.B, slopes, 1)
+            states.append(y)
+    return np.moveaxis(np.stack(states), 2, 0)
+
+
+def _groups_of(problem: Problem) -> list[Group]:
+    """The terms of a rope with springs that can be told from each other."""
+    args, (_, v0) = problem.args, problem.y0
+    span = float(problem.ts[-1] - problem.ts[0])
+    length = float(np.mean(args.rest_length)) or problem.scale
+    rate, pull = float(np.mean(args.mass)) / span, float(np.linalg.norm(args.gravity))
+    damping = np.asarray(args.damping)
+    along = {
+        name: tuple(f"{name}_{axis}" for axis in AXES[: len(v0)])
+        for name in ("gravity", "velocity")
     }
-    remedies = []
-    if not others:  # Which of several changes is meant nobody knows.
-        remedies = [each.remedy for each in mistakes[0]]
-        terms = [each.group.terms[0] for each in first.numbers if not each.is_parameter]
-        remedies += [TERMS[name].remedy for name in terms]
+    scaled = ["spring", "rest", "forces", "first_ends", "second_ends", "all"]
+    groups = [Group(along["gravity"], pull or length / span**2)]
+    scaled += ["gravity"] if pull else []
+    if np.any(v0):
+        scaled.append("velocity")
+    else:
+        groups.append(Group(along["velocity"], length / span))
+    if np.any(damping):
+        groups.append(Group(("damping",), max(rate / float(np.mean(np.abs(damping))), 1.0)))
+    # Equal dampings are changed by a factor.
+    further = ["further"] if np.ptp(damping) or not np.any(damping) else []
+    groups += [Group((name,), rate) for name in ("dashpot", "per_spring", *further)]
+    return [*(Group((name,)) for name in scaled), *groups]
+
+
+def _simple(fit: Fit) -> dict[str, float]:
+    """The value of each term that a fit changed, as the shortest number that its spread allows."""
+    spreads = fit.spreads()
+    return {name: shortest(value, spreads[name]) for name, value in fit.values().items()}
+
+
+def _digits(value: float) -> int:
+    return len(f"{abs(value):.3e}".split("e")[0].rstrip("0."))
+
+
+def _diagnosis(limit: _Observed, fits: Sequence[Fit]) -> Diagnosis:
+    """The diagnosis that a program solves a rope with other terms.
+
+    Arguments:
+        limit: of its runs.
+        fits: ropes between which the runs cannot decide, at least one.
+    """
+    words = [" and ".join(_words(limit.problem, fit)) for fit in fits]
+    unsaid = len(fits) - _MOST_SAID
+    line = f"your stepper solves, to {limit.orders_in_words}, another rope: "
+    line += "; or, which these runs cannot tell apart, ".join(words[:_MOST_SAID])
+    line += f"; or one with {unsaid} further sets of numbers" if unsaid > 0 else ""
+    evidence = {
+        "terms": _terms_of(fits[0]),
+        "alternatives": [_terms_of(fit) for fit in fits[1:]],
+        "orders": limit.orders,
+        "misfit": fits[0].misfit,
+    }
+    # Which of several changes is meant nobody knows.
+    remedies = [TERMS[name].remedy for name in _simple(fits[0]) if len(fits) == 1]
     return Diagnosis("parameters", line, evidence, "; ".join(dict.fromkeys(remedies)))
 
 
-def _mistakes(problem: Problem, solved: _Solved) -> tuple[NamedMistake, ...]:
-    """The mistake that would explain each number, where there is exactly one."""
-    each = (named_mistakes(problem, number) for number in solved.numbers)
-    return tuple(mistakes[0] for mistakes in each if len(mistakes) == 1)
+def _words(problem: Problem, fit: Fit) -> list[str]:
+    spreads = fit.spreads()
+    return [
+        wrong_term(problem, name, value, spreads[name])
+        for name, value in _simple(fit).items()
+        if value != TERMS[name].expected
+    ]
 
 
-def _orders_in_words(solved: _Solved) -> str:
-    """The observed orders of all quantities, as integers where they are close to one."""
-    texts = {name: _order_in_words(order) for name, order in solved.orders.items()}
-    if len({*texts.values()}) == 1:
-        return next(iter(texts.values()))
-    return " and ".join(
-        f"{text} ({'positions' if name == 'position' else 'velocities'})"
-        for name, text in texts.items()
-    )
-
-
-def _order_in_words(order: ObservedOrder) -> str:
-    if order.observed is None:
-        return "an unknown order"
-    near = round(order.observed)
-    whole = abs(order.observed - near) <= ORDER_TOLERANCE
-    return f"order {near if whole else f'{order.observed:.2f}'}"
+def _terms_of(fit: Fit) -> list[dict[str, Any]]:
+    """The terms that a fit changed, as evidence."""
+    spreads = fit.spreads()
+    return [
+        {
+            "term": TERMS[name].name,
+            "expected": TERMS[name].expected,
+            "found": value,
+            "spread": spreads[name],
+        }
+        for name, value in _simple(fit).items()
+    ]
 
 
 def _unknown(line: str) -> Diagnosis:
