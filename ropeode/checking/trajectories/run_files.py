@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import itertools
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -23,6 +22,7 @@ from ropeode.progress import Progress, silent
 from ropeode.simulation import step_size
 from ropeode.validation import MOST_COUNTED, bad_value, complaint, listed, positive_number
 
+T = TypeVar("T")
 File = CsvFile | ArrayFile
 FORMATS: dict[str, type[File]] = {".csv": CsvFile, ".npz": ArrayFile, ".nc": ArrayFile}
 # The step size and the samples that count, from the number of a file and all its samples.
@@ -168,23 +168,17 @@ def read_runs(
             have is one line.
     """
     opened, steps, named = opened_files(files, problem, dts, fewest)
-    total, before, faults, runs = sum(file.size for file in opened), 0, [], []
-    for index, (file, dt) in enumerate(zip(opened, steps, strict=True)):
-        progress(f"reading {file.path.name}", before / max(total, 1))
-        try:
-            written = file.samples()
-            if reading is not None:
-                dt, written = reading(index, written)
-            runs.append(dataclasses.replace(_run(file.path, dt, written, problem), named=named))
-        except InputError as error:
-            faults += [(file.path, line) for line in error.problems]
-        except OSError as error:
-            allowed = f"a file that can be read ({error.strerror or error})"
-            line = complaint("file", str(file.path), allowed, "check the disk")
-            faults.append((file.path, line))
-        before += file.size
-    if faults:
-        raise InputError(each_once(faults))
+    sizes = np.cumsum([0, *(file.size for file in opened)])
+
+    def read(index: int) -> Run:
+        path, dt = opened[index].path, steps[index]
+        progress(f"reading {path.name}", float(sizes[index] / max(sizes[-1], 1)))
+        written = opened[index].samples()
+        if reading is not None:
+            dt, written = reading(index, written)
+        return dataclasses.replace(_run(path, dt, written, problem), named=named)
+
+    runs = _for_each([file.path for file in opened], read)
     if len({file.velocities for file in opened}) > 1:
         without = [str(file.path) for file in opened if not file.velocities]
         allowed = "velocities in all files, or in none"
@@ -208,9 +202,9 @@ def opened_files(
     if dts is not None and len(dts) != len(opened):
         allowed = f"one for each of the {len(opened)} files, in the same order"
         raise bad_value("dt", len(dts), allowed, "give one for each file")
-    if any(file.dt is not None for file in opened):
-        return opened, _step_sizes(opened, problem, dts), False
-    named, why = _step_sizes_in_names([file.path for file in opened], dts, problem)
+    named, why = None, ""
+    if all(file.dt is None for file in opened):
+        named, why = _step_sizes_in_names([file.path for file in opened], dts, problem)
     return opened, _step_sizes(opened, problem, named or dts, why), named is not None
 
 
@@ -218,26 +212,22 @@ def _open(files: Sequence[str | Path], layout: Layout, fewest: int) -> list[File
     if isinstance(files, (str, Path)):
         raise bad_value("files", str(files), "a list of files", "put it into a list")
     paths = [Path(file) for file in files]
-    faults, opened = [], []
     # One that does not exist may be a folder of many, with a mistake in its name.
     if len(paths) < fewest and all(path.exists() for path in paths):
         allowed = f"at least {fewest}, with different step sizes" + (
             ", because fewer show no order" if fewest > 1 else ""
         )
         raise bad_value("files", len(paths), allowed, "run with more step sizes")
-    for path in paths:
-        try:
-            if path.suffix.lower() not in FORMATS and path.exists():
-                allowed = f"a file whose name ends in {', '.join(FORMATS)}"
-                fix = "rename it according to its format"
-                raise bad_value("file", str(path), allowed, fix)
-            # What does not exist is of no format, and each of them says why it cannot be read.
-            opened.append(FORMATS.get(path.suffix.lower(), CsvFile)(path, layout))
-        except InputError as error:
-            faults += [(path, line) for line in error.problems]
-    if faults:
-        raise InputError(each_once(faults))
-    return opened
+
+    def one(index: int) -> File:
+        path, suffix = paths[index], paths[index].suffix.lower()
+        if suffix not in FORMATS and path.exists():
+            allowed = f"a file whose name ends in {', '.join(FORMATS)}"
+            raise bad_value("file", str(path), allowed, "rename it according to its format")
+        # What does not exist is of no format, and each of them says why it cannot be read.
+        return FORMATS.get(suffix, CsvFile)(path, layout)
+
+    return _for_each(paths, one)
 
 
 def _step_sizes_in_names(
@@ -280,11 +270,11 @@ def _step_sizes(
     Raises:
         InputError: one is missing, not a positive number, repeated, or contradictory.
     """
-    faults, steps = [], []
-    for i, file in enumerate(files):
-        values = [_step_size(file, file.dt, problem, faults)] if file.dt is not None else []
-        if dts is not None:
-            values.append(_step_size(file, dts[i], problem, faults))
+
+    def one(index: int) -> float:
+        file = files[index]
+        given = (file.dt, None if dts is None else dts[index])
+        values = [_step_size(file, each, problem) for each in given if each is not None]
         if not values:
             allowed = "the step size, in the file or as --dt with one for each file" + (
                 f"; names say it where they differ in the steps per frame alone ({why})"
@@ -293,24 +283,27 @@ def _step_sizes(
             )
             in_csv = isinstance(file, CsvFile)
             fix = "write '# dt = 0.01' above the header" if in_csv else "store a number dt as well"
-            faults.append((file.path, complaint(f"{file.path}, dt", "none", allowed, fix)))
-        elif len(values) == 2 and abs(values[0] - values[1]) > _SAME * abs(values[0]):
+            raise bad_value(f"{file.path}, dt", "none", allowed, fix)
+        if abs(values[-1] - values[0]) > _SAME * values[0]:
             allowed, fix = f"{values[0]:g}, the dt in the file", "leave out one of them"
-            faults.append((file.path, complaint(f"{file.path}, dt", values[1], allowed, fix)))
-        steps += values[:1]
-    if faults:
-        raise InputError(each_once(faults))
-    for (one, first), (other, dt) in itertools.combinations(zip(files, steps, strict=True), 2):
-        if abs(dt - first) <= _SAME * dt:
-            allowed = f"a different step size for each file; {one.path} has this one too"
-            line = complaint(f"{other.path}, dt", dt, allowed, "leave out one of the files")
-            faults.append((other.path, line))
-    if faults:
-        raise InputError(each_once(faults))
+            raise bad_value(f"{file.path}, dt", values[-1], allowed, fix)
+        return values[0]
+
+    paths = [file.path for file in files]
+    steps = _for_each(paths, one)
+
+    def differs(index: int) -> None:
+        dt = steps[index]
+        for path, other in zip(paths[:index], steps, strict=False):
+            if abs(dt - other) <= _SAME * dt:
+                allowed = f"a different step size for each file; {path} has this one too"
+                raise bad_value(f"{paths[index]}, dt", dt, allowed, "leave out one of the files")
+
+    _for_each(paths, differs)
     return steps
 
 
-def _step_size(file: File, given: Any, problem: Problem, faults: list[tuple[Path, str]]) -> float:
+def _step_size(file: File, given: Any, problem: Problem) -> float:
     try:
         dt = positive_number(given)
         steps = float(problem.ts[-1] - problem.ts[0]) / dt
@@ -320,9 +313,7 @@ def _step_size(file: File, given: Any, problem: Problem, faults: list[tuple[Path
         return dt
     except ValueError as error:
         allowed = f"a finite number > 0 ({error})"
-        line = complaint(f"{file.path}, dt", given, allowed, "for example dt = 0.01")
-        faults.append((file.path, line))
-        return np.nan
+        raise bad_value(f"{file.path}, dt", given, allowed, "for example dt = 0.01") from None
 
 
 def _run(path: Path, dt: float, written: Written, problem: Problem) -> Run:
@@ -392,6 +383,26 @@ def _by_names(steps: Sequence[int], dts: Sequence[float], frame: float) -> list[
 
 def _constant(values: np.ndarray, value: float) -> bool:
     return bool(np.all(np.abs(values - value) <= _SAME * abs(value)))
+
+
+def _for_each(paths: Sequence[Path], work: Callable[[int], T]) -> list[T]:
+    """What some work makes of each file, by its index.
+
+    Raises:
+        InputError: the first fault of each file; one that several files have is one line.
+    """
+    faults, made = [], []
+    for index, path in enumerate(paths):
+        try:
+            made.append(work(index))
+        except InputError as error:
+            faults += [(path, line) for line in error.problems]
+        except OSError as error:
+            allowed = f"a file that can be read ({error.strerror or error})"
+            faults.append((path, complaint("file", str(path), allowed, "check the disk")))
+    if faults:
+        raise InputError(each_once(faults))
+    return made
 
 
 def each_once(faults: Sequence[tuple[Path, str]]) -> list[str]:
