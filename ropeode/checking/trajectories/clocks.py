@@ -28,12 +28,16 @@ class Times(NamedTuple):
     """The times of a file.
 
     Fields:
-        all: of its samples, ``(samples,)``.
+        all: of its samples, ``(samples,)``; not-a-number for samples that do not count.
         dt: its step size.
     """
 
     all: np.ndarray
     dt: float
+
+    def moved(self, later: float) -> Times:
+        """The same, so much later."""
+        return self._replace(all=self.all + later)
 
     @property
     def first(self) -> float:
@@ -59,9 +63,7 @@ class Clock:
     Arguments:
         words: what is wrong with them.
         fix: how to mend it.
-        times: the problem's times of the samples of each file, ``(samples,)``; not-a-number for
-            samples that do not count.
-        dts: the step size of each file, in the problem's unit.
+        files: the times and the step size of each file as the problem has them.
         begins: whether the files have the initial state.
         ends: whether they have the state at the last sample time.
         room: by how much a time may be off by rounding, in the problem's unit.
@@ -69,8 +71,7 @@ class Clock:
 
     words: str
     fix: str
-    times: tuple[np.ndarray, ...]
-    dts: tuple[float, ...]
+    files: tuple[Times, ...]
     begins: bool = True
     ends: bool = True
     room: float = 0.0
@@ -83,9 +84,9 @@ class Clock:
             index: of the file.
             problem: whose initial state is put in front where the files lack it.
         """
-        kept = ~np.isnan(self.times[index])
-        times, values = _snapped(self.times[index][kept], problem.ts, self.room), written.values
-        values = values[kept]
+        times = self.files[index].all
+        kept = ~np.isnan(times)
+        times, values = _snapped(times[kept], problem.ts, self.room), written.values[kept]
         if not self.begins:
             first = samples_of(problem, problem.y0[None])[:, :, : values.shape[2]]
             times, values = np.append(problem.ts[0], times), np.concatenate([first, values])
@@ -120,8 +121,10 @@ def _repeated(files: Sequence[Times]) -> Iterator[Clock]:
     """Each sample twice."""
     if all(each.repeats for each in files):
         words, fix = "samples are written twice, with the same t", "write each sample once"
-        once = (np.where(np.diff(t, prepend=np.nan) == 0.0, np.nan, t) for t, _ in files)
-        yield Clock(words, fix, tuple(once), _dts(files))
+        once = (
+            Times(np.where(np.diff(t, prepend=np.nan) == 0.0, np.nan, t), dt) for t, dt in files
+        )
+        yield Clock(words, fix, tuple(once))
 
 
 def _shifted_rows(files: Sequence[Times], start: float) -> Iterator[Clock]:
@@ -136,15 +139,13 @@ def _shifted_rows(files: Sequence[Times], start: float) -> Iterator[Clock]:
     yield Clock(
         f"each row is one {one} late: the first, at t = {start:g}, holds the state at {at}",
         "write the initial state first, and each row before the steps that follow its time",
-        tuple(each.all + each.interval for each in files),
-        _dts(files),
+        tuple(each.moved(each.interval) for each in files),
         begins=False,
     )
     yield Clock(
         f"each row is one {one} early: the initial state is written at {at} once more",
         "write each row after the steps that lead to its time",
-        tuple(np.append(np.nan, each.all[1:] - each.interval) for each in files),
-        _dts(files),
+        tuple(Times(np.append(np.nan, each.all[1:] - each.interval), each.dt) for each in files),
         ends=False,
     )
 
@@ -162,20 +163,14 @@ def _other_start(files: Sequence[Times], start: float) -> Iterator[Clock]:
         yield Clock(
             f"the initial state is missing: the first row is that at {begin}",
             "write the initial state before the first step",
-            tuple(each.all for each in files),
-            _dts(files),
+            tuple(files),
             begins=False,
         )
     yield Clock(
         f"the initial state is written at {begin}, and each row as much too late",
         f"let t begin at {start:g}",
-        tuple(each.all + (start - each.first) for each in files),
-        _dts(files),
+        tuple(each.moved(start - each.first) for each in files),
     )
-
-
-def _dts(files: Sequence[Times]) -> tuple[float, ...]:
-    return tuple(each.dt for each in files)
 
 
 def _units(files: Sequence[Times], start: float, end: float) -> Iterator[Clock]:
@@ -184,7 +179,7 @@ def _units(files: Sequence[Times], start: float, end: float) -> Iterator[Clock]:
         # What the unit, the time from its origin, would be of the whole motion, and of a step.
         origins = np.array([each.first if begins else 0.0 for each in files])
         units = (np.array([each.all[-1] for each in files]) - origins) / (end - start)
-        steps = 1.0 / np.array(_dts(files))
+        steps = 1.0 / np.array([each.dt for each in files])
         yield from _unit(files, units, origins, start, begins)
         if not np.allclose(units, steps, rtol=_UNIT):
             yield from _unit(files, steps, origins, start, begins)
@@ -194,7 +189,7 @@ def _unit(
     files: Sequence[Times], units: np.ndarray, origins: np.ndarray, start: float, begins: bool
 ) -> Iterator[Clock]:
     """Times in these units of the files, if they are all the same, or all steps."""
-    dts, intervals = np.array(_dts(files)), np.array([each.interval for each in files])
+    dts, intervals = np.array([(each.dt, each.interval) for each in files]).T
     unit, counted = float(units[0]), bool(np.all(np.abs(units * dts - 1.0) <= _UNIT))
     same = bool(np.ptp(units) <= _UNIT * abs(unit))
     # A file whose rows are equally spaced may number them.
@@ -216,15 +211,15 @@ def _unit(
     # Step sizes in the files may be in the unit of their times.
     steps = intervals / dts
     whole = np.all((steps >= 1.0 - _WHOLE) & (np.abs(steps - np.rint(steps)) <= _WHOLE))
+    in_unit = same and not counted and whole
     rounding = [2.0 * last_digit(each.all) for each in files]
     yield Clock(
         words,
         fix,
         tuple(
-            start + (each.all - origin) / own
-            for each, own, origin in zip(files, units, origins, strict=True)
+            Times(start + (each.all - origin) / own, each.dt / (own if in_unit else 1.0))
+            for each, own, origin in zip(files, units.tolist(), origins, strict=True)
         ),
-        tuple((dts / units if same and not counted and whole else dts).tolist()),
         begins=begins,
         room=float(np.max(np.minimum(rounding, _CLOSE * intervals) / units)),
     )
@@ -237,14 +232,14 @@ def _as_fraction(number: float) -> str:
 def _rounded(files: Sequence[Times], start: float, end: float) -> Iterator[Clock]:
     """Times with so few digits that several rows have the same."""
     if any(each.repeats for each in files):
-        even = [np.linspace(start, end, len(each.all)) for each in files]
-        units = [1.001 * 10.0 ** -digits_of(each.all)[1] for each in files]
+
+        def right(times: np.ndarray, dt: float) -> Times:
+            even = np.linspace(start, end, len(times))
+            near = np.abs(times - even) <= 1.001 * 10.0 ** -digits_of(times)[1]
+            return Times(np.where(near, even, np.nan), dt)
+
         yield Clock(
             "t has so few digits that different samples have the same",
             "write t with all digits",
-            tuple(
-                np.where(np.abs(each.all - right) <= unit, right, np.nan)
-                for each, right, unit in zip(files, even, units, strict=True)
-            ),
-            _dts(files),
+            tuple(right(*each) for each in files),
         )

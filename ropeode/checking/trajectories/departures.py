@@ -88,13 +88,17 @@ class _Departure(NamedTuple):
         run: from a file.
         made: the same of the method.
         parts: how far they are apart, as a part of the motion, ``(samples, nodes)``.
-        same: how closely positions agree that are the same.
+        same: how closely positions agree that are the same, likewise.
+        way: how far the solution moves.
+        errors: of the run and the method, as a part of the motion, ``(2, samples)``.
     """
 
     run: Run
     made: Run
     parts: np.ndarray
     same: float
+    way: float
+    errors: np.ndarray
 
     @property
     def later(self) -> np.ndarray:
@@ -123,9 +127,10 @@ class _Departure(NamedTuple):
 
     @property
     def positions(self) -> tuple[np.ndarray, np.ndarray]:
-        """Those of the run and the method, as far as the solution is known."""
+        """Those of the run and the method as parts of the motion, where the solution is known."""
         end, dim = len(self.later), self.run.layout.dim
-        return self.run.values[:end, :, :dim], self.made.values[:end, :, :dim]
+        x, made = (run.values[:end, :, :dim] / self.way for run in (self.run, self.made))
+        return x, made
 
 
 def departure(reference: Reference, runs: Sequence[Run]) -> Diagnosis | None:
@@ -167,17 +172,20 @@ def departure(reference: Reference, runs: Sequence[Run]) -> Diagnosis | None:
 def _of(reference: Reference, runs: Sequence[Run], actor: Actor) -> list[_Departure]:
     """The runs that depart from a stepper; none where that is not certain."""
     found: list[_Departure] = []
+    norm = NORMS[f"{reference.problem.quantities[0]}-max"]
     for run, steps in zip(runs, steps_per_frame(runs), strict=True):
         made = actor.run(steps)
         apart = None if made is None else _apart(reference, run, made.values)
         if made is None or apart is None:
             found = []
             continue
-        each = _Departure(run, made, *apart)
+        way = moved(reference, norm)
+        errors = np.array([distances(each.states, reference, norm) for each in (run, made)]) / way
+        each = _Departure(run, made, *apart, way, errors)
         if each.later[1] > each.same:
             return []
-        found = [*found, each] if _is_sudden(reference, actor, steps, each) else []
-    return found if _is_certain(reference, found) else []
+        found = [*found, each] if _is_sudden(actor, steps, each) else []
+    return found if _is_certain(found) else []
 
 
 def _apart(reference: Reference, run: Run, made: np.ndarray) -> tuple[np.ndarray, float] | None:
@@ -205,56 +213,50 @@ def _apart(reference: Reference, run: Run, made: np.ndarray) -> tuple[np.ndarray
     return np.max(np.abs(run.values[:end, :, :dim] - made[:end, :, :dim]), axis=2) / way, same
 
 
-def _is_sudden(reference: Reference, actor: Actor, steps: int, each: _Departure) -> bool:
+def _is_sudden(actor: Actor, steps: int, each: _Departure) -> bool:
     """Whether no rounding can have grown so far, as another run shows that begins near by."""
-    problem, frame, same = reference.problem, each.frame, each.same
+    problem, frame, same = actor.problem, each.frame, each.same
     if not frame or each.apart < max(_DEPARTS, _OF_GROWTH * same):
         return False
-    way = moved(reference, NORMS[f"{problem.quantities[0]}-max"])
-    change = same * way * np.random.default_rng(_SEED).standard_normal(problem.y0.shape)
+    change = same * each.way * np.random.default_rng(_SEED).standard_normal(problem.y0.shape)
     if problem.mechanics is not None:
         change[1] /= problem.ts[1] - problem.ts[0]
     near = problem.with_numbers(problem.y0 + change, problem.args, problem.parameters)
     shaken, dim = Actor(actor.name, near, actor.columns).run(steps), each.made.layout.dim
     if shaken is None:
         return False
-    grown = np.max(np.abs(shaken.values - each.made.values)[..., :dim], axis=(1, 2)) / way
+    grown = np.max(np.abs(shaken.values - each.made.values)[..., :dim], axis=(1, 2)) / each.way
     growth = grown[frame] / max(float(np.min(grown[:frame])), _LAST_BIT)
     return bool(each.apart > _OF_GROWTH * same * max(growth, 1.0))
 
 
-def _is_certain(reference: Reference, found: Sequence[_Departure]) -> bool:
+def _is_certain(found: Sequence[_Departure]) -> bool:
     """Whether the departures do not vanish with dt, as those of another right program would.
 
     It is no matter of steps that are short only now and then, or of a branch taken a step later.
     """
     if len(found) < _FEWEST_RUNS or found[0].run.dt < _APART * found[-1].run.dt:
         return False
-    norm, first, last = NORMS[f"{reference.problem.quantities[0]}-max"], found[0], found[-1]
-    own, right, coarse = (
-        distances(run.states, reference, norm) for run in (last.run, last.made, first.made)
-    )
-    blown_up = coarse > moved(reference, norm)
+    first, last = found[0], found[-1]
+    blown_up = first.errors[1] > 1.0
     end = int(np.argmax(blown_up)) if blown_up.any() else len(last.later)
     frames = slice(max(each.frame for each in found), min(end, len(last.later)))
     if frames.stop <= frames.start:
         return False
     far, near = (float(np.max(each.later[frames])) for each in (first, last))
-    worse = own > _WORSE * np.maximum.accumulate(right)
+    worse = last.errors[0] > _WORSE * np.maximum.accumulate(last.errors[1])
     return (
         near >= far * np.sqrt(last.run.dt / first.run.dt)
         and bool(np.any(worse[frames]))
-        and all(_is_known(reference, each) for each in found)
+        and all(map(_is_known, found))
     )
 
 
-def _is_known(reference: Reference, found: _Departure) -> bool:
+def _is_known(found: _Departure) -> bool:
     """Whether the method is known by its errors before the departure, or has none at all."""
-    norm = NORMS[f"{reference.problem.quantities[0]}-max"]
-    way = moved(reference, norm)
-    before = distances(found.run.states, reference, norm)[: found.frame] / way
-    exact = np.max(distances(found.made.states, reference, norm)) <= found.same * way
-    return bool(found.before <= _OF_ERRORS * np.max(before) or exact)
+    own, right = found.errors
+    exact = np.max(right) <= found.same
+    return bool(found.before <= _OF_ERRORS * np.max(own[: found.frame]) or exact)
 
 
 @in_float64
@@ -298,7 +300,7 @@ def _diagnosis(
     before, frame = (pick(each.frame for each in found) for pick in (min, max))
     misfit, apart = (max(getattr(each, name) for each in found) for name in ("before", "apart"))
     nodes = list(dict.fromkeys(each.node for each in found))
-    limits, resting, written = [*_limits(found)], _resting(found), _written(reference, found)
+    limits, resting, written = [*_limits(found)], _resting(found), _written(found)
     who = (
         f"node {nodes[0]} departs" if len(nodes) == 1 else f"nodes {listed(map(str, nodes))} depart"
     )
@@ -342,15 +344,12 @@ def _diagnosis(
     return Diagnosis("departure", line, evidence, _REWRITE if written else _REMEDY)
 
 
-def _written(reference: Reference, found: Sequence[_Departure]) -> str | None:
+def _written(found: Sequence[_Departure]) -> str | None:
     """What the samples after the departure are, where they follow from those of the method."""
-    way = moved(reference, NORMS[f"{reference.problem.quantities[0]}-max"])
     for words, after in _AFTERWARDS.items():
-        if all(
-            len(apart) and np.max(np.abs(apart)) <= each.same * way
-            for each in found
-            for apart in [after(*each.positions, each.frame)]
-        ):
+        rest = [after(*each.positions, each.frame) for each in found]
+        pairs = zip(rest, found, strict=True)
+        if all(len(apart) and np.max(np.abs(apart)) <= each.same for apart, each in pairs):
             return words
     return None
 

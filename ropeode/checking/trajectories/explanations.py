@@ -332,7 +332,7 @@ def _explained(
     shown = problem if clock.ends else problem.changed(ts=problem.ts[:-1], exact=None)
 
     def reading(index: int, written: Written) -> tuple[float, Written]:
-        return clock.dts[index], clock.read(written, index, shown)
+        return clock.files[index].dt, clock.read(written, index, shown)
 
     try:
         runs = finite(read_runs(paths, shown, dts, fewest=fewest, reading=reading))
