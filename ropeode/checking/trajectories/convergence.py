@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from operator import attrgetter
 
 import jax
@@ -95,14 +95,14 @@ def order_finding(
         return finding, ()
     careful = observe(reference, runs, worst)
     if not single and (exact := _exact(reference, careful)):
-        rest = dataclasses.replace(
+        others = _judged(
             as_written,
-            orders={name: each for name, each in as_written.orders.items() if name not in exact},
-            limits={name: each for name, each in as_written.limits.items() if name not in exact},
+            [name for name in as_written.orders if name not in exact],
+            [name for name in as_written.limits if name not in exact],
         )
-        others = convergence_finding("order", rest)
         if _is_right(others):
-            line = "; ".join([*exact.values(), others.line] if rest.orders else exact.values())
+            both = len(exact) < len(as_written.orders)
+            line = "; ".join([*exact.values(), others.line] if both else exact.values())
             return dataclasses.replace(others, line=line, convergence=careful), ()
     if single:
         careful = by_coarse_steps(lambda count: observe(reference, runs[:count]), careful, _SHARE)
@@ -114,13 +114,11 @@ def order_finding(
         return finding, (note,) if lost else ()
     coarse = ""
     if _is_refuted(careful):
-        rate, dt = fastest_rate(reference), _third_finest(runs)
-        resolved = beginning(reference, resolved_frames(reference, dt, rate))
+        resolved, coarse = _resolved(reference, runs[-FEWEST_POINTS].dt)
         if _has_lower_order(careful) or (
             resolved is not None and _is_refuted(observe(resolved, runs, worst))
         ):
             return finding, ()
-        coarse = _too_coarse(reference, dt, rate)
     if unstable := unstable_steps(reference, careful):
         line, fix = _unstable(reference, runs, unstable), ""
     else:
@@ -219,16 +217,25 @@ def _is_right(finding: Finding) -> bool:
     return finding.status == "pass" and all(map(shown, orders.values()))
 
 
+def _judged(convergence: Convergence, orders: Iterable[str], limits: Iterable[str]) -> Finding:
+    """The verdict on the orders of some quantities, and the limits of some, alone."""
+    rest = dataclasses.replace(
+        convergence,
+        orders={name: convergence.orders[name] for name in orders},
+        limits={name: convergence.limits[name] for name in limits},
+    )
+    return convergence_finding("order", rest)
+
+
 def _is_refuted(convergence: Convergence) -> bool:
     """Whether the quantities that do show an order are wrong, or the limit certainly is."""
-    known = {name: order for name, order in convergence.orders.items() if shown(order)}
+    known = [name for name, order in convergence.orders.items() if shown(order)]
     limits = convergence.limits
     if finest_is_unstable(convergence):
         # Then any order is that of a few coarse runs, or of growing errors.
-        known = {}
-        limits = {name: each for name, each in limits.items() if each[0] > _CERTAINLY * each[1]}
-    rest = dataclasses.replace(convergence, orders=known, limits=limits)
-    return convergence_finding("order", rest).status == "fail"
+        known = []
+        limits = [name for name, (off, most) in limits.items() if off > _CERTAINLY * most]
+    return _judged(convergence, known, limits).status == "fail"
 
 
 def _has_lower_order(convergence: Convergence) -> bool:
@@ -236,30 +243,33 @@ def _has_lower_order(convergence: Convergence) -> bool:
 
     Pre-asymptotic errors fall more slowly than with order 1.
     """
-    if finest_is_unstable(convergence):
-        return False
-    orders = {
-        name: order
+    known = [
+        name
         for name, order in convergence.orders.items()
         if shown(order) and order.ci95 is not None and order.ci95[1] >= 1.0 - ORDER_TOLERANCE
-    }
-    rest = dataclasses.replace(convergence, orders=orders, limits={})
-    return convergence_finding("order", rest).status == "fail"
+    ]
+    stable = not finest_is_unstable(convergence)
+    return stable and _judged(convergence, known, ()).status == "fail"
 
 
-def _third_finest(runs: Sequence[Run]) -> float:
-    """The largest step size of the fewest runs that show whether errors fall."""
-    return runs[-FEWEST_POINTS].dt
+def _resolved(reference: Reference, dt: float) -> tuple[Reference | None, str]:
+    """The reference over the frames from the start in which errors of dt have to fall with it.
 
+    Arguments:
+        reference: of the problem.
+        dt: the largest of the fewest steps that show whether errors fall.
 
-def _too_coarse(reference: Reference, dt: float, rate: float) -> str:
-    """Why runs that do not converge are no evidence."""
-    frames = resolved_frames(reference, dt, rate)
+    Returns:
+        The reference, None without such a frame; and why runs that do not converge in the others
+        are no evidence.
+    """
+    rate, times = fastest_rate(reference), reference.problem.ts - reference.problem.ts[0]
+    frames = int(np.sum(times[1 : reference.trusted] * dt * rate**2 <= _MOST))
     over = f"over the first {first_frames(frames)} alone" if frames else "in no frame"
-    return (
+    return beginning(reference, frames), (
         f"the steps are too coarse to tell: the fastest part of the motion changes at a rate of "
         f"{rate:.3g}, which dt = {dt:.3g} resolves {over}; three runs with dt <= "
-        f"{resolving_step(reference, rate):.2g} would resolve the first frame"
+        f"{_MOST / (rate**2 * times[1]):.2g} would resolve the first frame"
     )
 
 
@@ -340,24 +350,6 @@ def _lost(convergence: Convergence, reason: str) -> bool:
         if order.verdict == "undetermined"
         for point in order.left_out
     )
-
-
-def resolved_frames(reference: Reference, dt: float, rate: float) -> int:
-    """The frames from the start over which errors of a step size have to fall with it.
-
-    Arguments:
-        reference: of the problem.
-        dt: a step size.
-        rate: the `fastest_rate` of the problem.
-    """
-    times = reference.problem.ts[: reference.trusted] - reference.problem.ts[0]
-    return int(np.sum(times[1:] * dt * rate**2 <= _MOST))
-
-
-def resolving_step(reference: Reference, rate: float) -> float:
-    """The largest step size with which one frame at least is resolved."""
-    first, second = reference.problem.ts[:2]
-    return _MOST / (rate**2 * float(second - first))
 
 
 def beginning(reference: Reference, frames: int) -> Reference | None:
