@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -120,158 +120,191 @@ def grade(
     runs, off = checked_runs(
         files, own, dts, certified, lambda text, share: progress(text, 0.9 * (share or 0.0))
     )
-    reference, known = certified(), finite(runs)
-
-    @functools.cache
-    def other() -> Diagnosis | None:
-        return other_rope(reference, known, lambda problem: reference_for(problem, options))
-
-    @functools.cache
-    def program(changes: int = 1) -> Diagnosis | None:
-        # What needs fewer changes is none with more of them.
-        fewer = changes > 1 and program() is not None
-        return None if fewer else _program(reference, runs, changes)
-
-    @functools.cache
-    def departs() -> Diagnosis | None:
-        return departure(reference, known)
-
-    own_files = Files(files, own, dts)
-    order, notes = _order(reference, runs, own_files, claims, expected, other, departs, program)
+    reference = certified()
+    asked_of = Files(files, own, dts)
+    causes = _Causes(reference, runs, asked_of, claims, expected, options)
+    order, notes, cause = _order(causes)
     findings = (
         Finding("initial-state", "pass", f"the first sample is the initial state {exactly(off)}"),
         order,
         _pins_finding(reference, runs),
         _energy_finding(reference, runs),
     )
-    diagnosis: tuple[Diagnosis, ...] = ()
-    wrong = order.status == "fail"
-    mistake = program() if diagnose and wrong else None
-    if diagnose and wrong and len(known) < FEWEST:
-        mistake = mistake or program(2)
-    if mistake is not None and mistake.cause != "method":
-        diagnosis = (_or_so_written(reference, known, mistake),)
-    elif diagnose and len(known) >= FEWEST and (wrong or expected is None):
+    if diagnose and (order.status == "fail" or expected is None):
         progress("diagnosis", 0.95)
-        late = late_samples(reference, known)
-        if wrong and late is None and mistake and _refutes(mistake, claims, expected):
-            diagnosis = (mistake,)
-        elif wrong:
-            causes = (expected, late, other, departs, program)
-            diagnosis = _diagnosed(reference, known, own_files, order, *causes)
-        elif late is not None and _is_unintended(late, order):
+        if order.status == "fail":
+            cause = cause or next(causes.sought(order), None)
+        elif causes.late is not None and _is_unintended(causes.late, order):
             # No claim is refuted, but such a program is hardly intended.
-            notes = (*notes, "; ".join(filter(None, (late.line, late.remedy))))
+            notes = (*notes, "; ".join(filter(None, (causes.late.line, causes.late.remedy))))
     progress("done", 1.0)
     return CheckReport(
         label=names_of(runs),
         claims=claims,
         findings=findings,
-        diagnosis=diagnosis,
+        diagnosis=(cause,) if diagnose and cause is not None else (),
         notes=(*notes, *_notes(runs, reference, order)),
         seconds=time.perf_counter() - started,
     )
 
 
-def _order(
-    reference: Reference,
-    runs: Sequence[Run],
-    files: Files,
-    claims: Claims,
-    expected: int | None,
-    other: Callable[[], Diagnosis | None],
-    departs: Callable[[], Diagnosis | None],
-    program: Callable[..., Diagnosis | None],
-) -> tuple[Finding, tuple[str, ...]]:
-    """The verdict on convergence; no order is needed if a mistake in the files explains all."""
-    finding, notes = order_finding(reference, runs, expected)
-    if finding.status == "pass":
-        named = program() if _is_symplectic(claims) else None
-        if named is None or not _refutes(named, claims, expected):
-            return finding, notes
-        line = f"{finding.line}; claimed to be {claims.method}, but {named.line}"
-        return dataclasses.replace(finding, status="fail", line=line), ()
-    if (named := program()) is not None and named.cause == "float32":
-        line = f"{finding.line}: {named.line}; {named.remedy}"
-        return dataclasses.replace(finding, status="undetermined", line=line), ()
-    if finding.status == "fail":
-        return finding, notes
-    if named is not None and _refutes(named, claims, expected):
-        return _refuted(finding, named), ()
-    known = finite(runs)
-    if len(known) >= FEWEST:
-        late = late_samples(reference, known)
-        # Half a step may be the error of a method of order 1.
-        if late is not None and late.cause != "sample-time":
-            return Finding("order", "fail", f"no order; {late.line}", late.evidence), ()
-        if (later := departs()) is not None:
-            return Finding("order", "fail", f"no order; {later.line}", later.evidence), ()
-        written = explain(reference, known, files, coarse=False)
-        if written is not None and not written.like_another_problem:
-            return Finding("order", "fail", f"no order; {written.words}"), ()
-        if other() is not None:
-            return Finding("order", "fail", "no order; the files fit another rope"), ()
-    # Of all changes to the program, two at once take the longest to find.
-    if (named := program(2)) is not None:
-        return _refuted(finding, named), ()
-    # Not above: it runs steppers, which takes longer than all the rest.
-    if (same := same_method(reference, runs)) is not None:
-        stable = finding.convergence is not None and not finest_is_unstable(finding.convergence)
-        if stable and same.shows(expected):
-            return dataclasses.replace(finding, status="pass", line=same.line), ()
-        if same.refutes(expected):
-            return Finding("order", "fail", f"no order; {same.line}"), ()
-    advice = functools.partial(more_runs, reference, runs, claims, expected)
-    return order_finding(reference, runs, expected, advice)
-
-
-def _refuted(finding: Finding, named: Diagnosis) -> Finding:
-    """Without an order, the program that is named decides."""
-    evidence = {**finding.evidence, **named.evidence}
-    line = f"no order; {named.line}"
-    return dataclasses.replace(finding, status="fail", line=line, evidence=evidence)
-
-
-def _is_symplectic(claims: Claims) -> bool:
-    """Whether a symplectic method is claimed."""
-    return claims.method is not None and bool(as_stepper(claims.method).symplectic)
-
-
-def _refutes(named: Diagnosis, claims: Claims, expected: int | None) -> bool:
-    """Whether the program that computes the positions is not what is claimed."""
-    if named.cause != "method":
-        return True
-    # Methods that are the same here tell nothing of each other.
-    if "methods" in named.evidence:
-        return False
-    too_low = expected is not None and named.evidence["order"] < expected
-    return too_low or (_is_symplectic(claims) and not named.evidence["symplectic"])
-
-
-def _program(reference: Reference, runs: Sequence[Run], changes: int) -> Diagnosis | None:
-    """The program whose numbers are those of the runs in their first frames.
+@dataclasses.dataclass(frozen=True)
+class _Causes:
+    """What may be wrong with a program or its files, sought when it is needed.
 
     Arguments:
         reference: of the problem.
         runs: from coarse to fine.
-        changes: how many, 2 where no program with at most 1 was found.
+        files: of the runs.
+        claims: of the author.
+        expected: the order that follows from them.
+        options: of references.
     """
-    # Not above: right programs do not need it.
-    from ropeode.checking.diagnosis.program_words import diagnose_program
 
-    states = [(run.dt, run.states) for run in runs]
-    return diagnose_program(reference.problem, states, reference.states, changes)
+    reference: Reference
+    runs: Sequence[Run]
+    files: Files
+    claims: Claims
+    expected: int | None
+    options: ReferenceOptions
+
+    @functools.cached_property
+    def known(self) -> tuple[Run, ...]:
+        """The runs that did not diverge."""
+        return tuple(finite(self.runs))
+
+    @functools.cached_property
+    def late(self) -> Diagnosis | None:
+        """Samples of another time."""
+        return late_samples(self.reference, self.known) if len(self.known) >= FEWEST else None
+
+    @functools.cached_property
+    def program(self) -> Diagnosis | None:
+        """The program that computes the runs, with one change at most."""
+        return self._program(1)
+
+    def _program(self, changes: int) -> Diagnosis | None:
+        # Not above: right programs do not need it.
+        from ropeode.checking.diagnosis.program_words import diagnose_program
+
+        states = [(run.dt, run.states) for run in self.runs]
+        return diagnose_program(self.reference.problem, states, self.reference.states, changes)
+
+    @property
+    def claims_symplectic(self) -> bool:
+        """Whether a symplectic method is claimed."""
+        method = self.claims.method
+        return method is not None and bool(as_stepper(method).symplectic)
+
+    @property
+    def is_refuted(self) -> bool:
+        """Whether the program that computes the positions is not what is claimed."""
+        program = self.program
+        if program is None or program.cause != "method":
+            return program is not None
+        # Methods that are the same here tell nothing of each other.
+        if "methods" in program.evidence:
+            return False
+        too_low = self.expected is not None and program.evidence["order"] < self.expected
+        return too_low or (self.claims_symplectic and not program.evidence["symplectic"])
+
+    def sought(self, order: Finding) -> Iterator[Diagnosis]:
+        """The causes in turn, of which the first counts.
+
+        Arguments:
+            order: a verdict; where it is `undetermined` those are left out that need an order.
+        """
+        reference, known, program, late = self.reference, self.known, self.program, self.late
+        wrong, several, written = order.status == "fail", len(known) >= FEWEST, None
+        if program is not None and program.cause != "method":
+            yield self._or_so_written(program)
+        # Half a step may be the error of a method of order 1.
+        if late is not None and (wrong or late.cause != "sample-time"):
+            yield late
+        if program is not None and self.is_refuted:
+            yield program
+        if several:
+            if (departs := departure(reference, known)) is not None:
+                yield departs
+            written = explain(reference, known, self.files, coarse=wrong)
+            if written is not None and not written.like_another_problem:
+                yield _of_files(written)
+            certified = functools.partial(reference_for, options=self.options)
+            if (other := other_rope(reference, known, certified)) is not None:
+                yield other
+        # Of all changes to the program, two at once take the longest to find.
+        if program is None and (both := self._program(2)) is not None:
+            yield self._or_so_written(both)
+        if several and wrong:
+            yield self._of_the_limit(order, written)
+
+    def _or_so_written(self, mistake: Diagnosis) -> Diagnosis:
+        """The mistake of a program, with one in writing its files that would look the same."""
+        if mistake.cause != "parameters" or len(self.known) < FEWEST:
+            return mistake
+        written = explain_columns(self.reference, self.known)
+        if written is None or not written.like_another_problem:
+            return mistake
+        line = f"{mistake.line}; or, which is the same in the files, {written.line}"
+        return dataclasses.replace(mistake, line=line)
+
+    def _of_the_limit(self, order: Finding, written: Explanation | None) -> Diagnosis:
+        """What the runs solve instead of the problem; or files so written look the same."""
+        reference, orders = self.reference, {}
+        if order.convergence is not None:
+            orders = order.convergence.orders
+        if self.program and all(each.verdict == "converges" for each in orders.values()):
+            return self.program
+        solved = _solved(reference, self.known)
+        if solved.cause == "unknown" and not has_rope_forces(reference.problem):
+            # Of ropes the methods have been tried already.
+            same = same_method(reference, self.known)
+            if same is not None and same.refutes(self.expected):
+                return same.diagnosis(reference.problem)
+        if written is None:
+            return _with_what_is_right(solved, order)
+        if solved.cause == "unknown":
+            solved = _of_files(written)
+            also = "the program solves the problem with that change, which is the same"
+        else:
+            also = f"which is the same in the files, {written.line}"
+        return dataclasses.replace(solved, line=f"{solved.line}; or {also}")
 
 
-def _or_so_written(reference: Reference, runs: Sequence[Run], mistake: Diagnosis) -> Diagnosis:
-    """The mistake of a program, with one in writing its files that would look the same."""
-    if mistake.cause != "parameters" or len(runs) < FEWEST:
-        return mistake
-    written = explain_columns(reference, runs)
-    if written is None or not written.like_another_problem:
-        return mistake
-    line = f"{mistake.line}; or, which is the same in the files, {written.line}"
-    return dataclasses.replace(mistake, line=line)
+def _order(causes: _Causes) -> tuple[Finding, tuple[str, ...], Diagnosis | None]:
+    """The verdict on convergence, its notes, and the cause if that decides in place of an order."""
+    reference, runs, expected = causes.reference, causes.runs, causes.expected
+    finding, notes = order_finding(reference, runs, expected)
+    if finding.status == "pass":
+        if causes.claims_symplectic and causes.is_refuted and (named := causes.program):
+            line = f"{finding.line}; claimed to be {causes.claims.method}, but {named.line}"
+            return dataclasses.replace(finding, status="fail", line=line), (), None
+        return finding, notes, None
+    if (named := causes.program) is not None and named.cause == "float32":
+        line = f"{finding.line}: {named.line}; {named.remedy}"
+        return dataclasses.replace(finding, status="undetermined", line=line), (), None
+    if finding.status == "fail":
+        return finding, notes, None
+    if (cause := next(causes.sought(finding), None)) is not None:
+        return _refuted(finding, cause), (), cause
+    # Not above: it runs steppers, which takes longer than all the rest.
+    if (same := same_method(reference, runs)) is not None:
+        stable = finding.convergence is not None and not finest_is_unstable(finding.convergence)
+        if stable and same.shows(expected):
+            return dataclasses.replace(finding, status="pass", line=same.line), (), None
+        if same.refutes(expected):
+            cause = same.diagnosis(reference.problem)
+            return _refuted(finding, cause), (), cause
+    advice = functools.partial(more_runs, reference, runs, causes.claims, expected)
+    return *order_finding(reference, runs, expected, advice), None
+
+
+def _refuted(finding: Finding, cause: Diagnosis) -> Finding:
+    """Without an order, a cause that is named decides."""
+    evidence = {**finding.evidence, **cause.evidence}
+    return dataclasses.replace(
+        finding, status="fail", line=f"no order; {cause.line}", evidence=evidence
+    )
 
 
 def _pins_finding(reference: Reference, runs: Sequence[Run]) -> Finding:
@@ -334,48 +367,6 @@ def _is_unintended(late: Diagnosis, order: Finding) -> bool:
     )
 
 
-def _diagnosed(
-    reference: Reference,
-    runs: Sequence[Run],
-    files: Files,
-    order: Finding,
-    expected: int | None,
-    late: Diagnosis | None,
-    other: Callable[[], Diagnosis | None],
-    departs: Callable[[], Diagnosis | None],
-    program: Callable[..., Diagnosis | None],
-) -> tuple[Diagnosis, ...]:
-    """What is wrong with the files, or what they solve instead of the problem."""
-    if (found := late or departs()) is not None:
-        return (found,)
-    written = explain(reference, runs, files)
-    if written is not None and not written.like_another_problem:
-        return (_of_files(written),)
-    if (rope := other()) is not None:
-        return (rope,)
-    if (both := program(2)) is not None:
-        return (_or_so_written(reference, runs, both),)
-    orders = {} if order.convergence is None else order.convergence.orders
-    if all(each.verdict == "converges" for each in orders.values()) and (named := program()):
-        return (named,)
-    solved = _solved(reference, runs)
-    if solved[0].cause == "unknown" and not has_rope_forces(reference.problem):
-        # Of ropes the methods have been tried already.
-        same = same_method(reference, runs)
-        if same is not None and same.refutes(expected):
-            return (same.diagnosis(reference.problem),)
-    if written is None:
-        return tuple(_with_what_is_right(each, order) for each in solved)
-    if solved[0].cause == "unknown":
-        read_so = _of_files(written)
-        line = (
-            f"{read_so.line}; or the program solves the problem with that change, which is the same"
-        )
-        return (dataclasses.replace(read_so, line=line),)
-    line = f"{solved[0].line}; or, which is the same in the files, {written.line}"
-    return (dataclasses.replace(solved[0], line=line), *solved[1:])
-
-
 def _of_files(written: Explanation) -> Diagnosis:
     """The diagnosis that a program solves the problem, and writes it wrongly."""
     evidence = {"read_so": written.agreement}
@@ -399,7 +390,7 @@ def _with_what_is_right(diagnosis: Diagnosis, order: Finding) -> Diagnosis:
     return dataclasses.replace(diagnosis, line=line)
 
 
-def _solved(reference: Reference, runs: Sequence[Run]) -> tuple[Diagnosis, ...]:
+def _solved(reference: Reference, runs: Sequence[Run]) -> Diagnosis:
     """What the runs solve instead of the problem."""
     # Not above: right programs do not need it.
     from ropeode.checking.diagnosis.trajectories import diagnose_trajectories
@@ -410,7 +401,7 @@ def _solved(reference: Reference, runs: Sequence[Run]) -> tuple[Diagnosis, ...]:
         for _, each in states:
             each[:, 1] = np.nan
     with np.errstate(all="ignore"):  # Runs that blew up have huge numbers.
-        return diagnose_trajectories(problem, reference, states, quantities)
+        return diagnose_trajectories(problem, reference, states, quantities)[0]
 
 
 def _notes(runs: Sequence[Run], reference: Reference, order: Finding) -> list[str]:
