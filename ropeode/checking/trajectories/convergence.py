@@ -266,10 +266,11 @@ def _resolved(reference: Reference, dt: float) -> tuple[Reference | None, str]:
     rate, times = fastest_rate(reference), reference.problem.ts - reference.problem.ts[0]
     frames = int(np.sum(times[1 : reference.trusted] * dt * rate**2 <= _MOST))
     over = f"over the first {first_frames(frames)} alone" if frames else "in no frame"
+    least = _MOST / (rate**2 * times[1]) if rate else math.inf
     return beginning(reference, frames), (
         f"the steps are too coarse to tell: the fastest part of the motion changes at a rate of "
         f"{rate:.3g}, which dt = {dt:.3g} resolves {over}; three runs with dt <= "
-        f"{_MOST / (rate**2 * times[1]):.2g} would resolve the first frame"
+        f"{least:.2g} would resolve the first frame"
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import operator
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -65,8 +65,8 @@ _WELL_KNOWN: dict[tuple[tuple[str, ...], float | None], tuple[str, str]] = {
     ),
 }
 # The same of files that have positions alone.
-_WELL_KNOWN_ALONE: dict[float | None, tuple[str, str]] = {
-    0.5: (
+_WELL_KNOWN_ALONE = {
+    (("position",), 0.5): (
         "as semi-implicit Euler gives them, and from rest Verlet's method with x(-dt) = x(0)",
         "begin with a velocity of half a step, or with x(-dt) = x(0) - dt v(0) + dt^2/2 a(0)",
     ),
@@ -166,14 +166,7 @@ def _part(steps: np.ndarray) -> np.ndarray:
 
 def _missing(steps: np.ndarray) -> np.ndarray:
     """The fraction of a step that is missing to whole steps."""
-    rest = _part(steps)
-    return np.where(rest > 0.0, 1.0 - rest, 0.0)
-
-
-def _last_step(steps: np.ndarray) -> np.ndarray:
-    """The size of the last step of a frame, as a part of the usual one."""
-    rest = _part(steps)
-    return np.where(rest > 0.0, rest, 1.0)
+    return -_part(steps) % 1.0
 
 
 # What a program makes in place of the right number of steps.
@@ -256,7 +249,7 @@ _DELAYS = (
     Delay(
         "sample-time",
         "{these} are those before the last step of each frame",
-        lambda of: -_last_step(np.diff(of.ends, prepend=0.0)),
+        lambda of: _missing(np.diff(of.ends, prepend=0.0)) - 1.0,
         "write them after it",
         alone=True,
     ),
@@ -277,40 +270,44 @@ def late_samples(reference: Reference, runs: Sequence[Run]) -> Diagnosis | None:
         finest run that is left over.
     """
     shifts, quantities = _Shifts(reference, runs), runs[0].quantities
+    well_known = _WELL_KNOWN | (_WELL_KNOWN_ALONE if quantities == ("position",) else {})
     best: Diagnosis | None = None
     for delay in _DELAYS:
-        for names in _late_together(delay, quantities):
-            found = shifts.left_over(delay, names)
+        one = [(name,) for name in quantities] if delay.alone and len(quantities) > 1 else []
+        for names in (quantities, *one):
+            if (found := shifts.explained(delay, names)) is None:
+                continue
+            fine, coarse, left = found
             # Of delays that are the same here, the first one counts.
-            if found is None or (best and found.left >= _LESS * best.evidence["left_over"]):
+            if best and left >= _LESS * best.evidence["left_over"]:
                 continue
             these = _PLURAL[names[0]] if len(names) == 1 else "samples"
-            words = delay.words.format(these=these, dt=found.first[0], frame=found.first[1])
-            known = _WELL_KNOWN.get((names, delay.constant), ("", delay.fix))
-            if quantities == ("position",):
-                known = _WELL_KNOWN_ALONE.get(delay.constant, known)
-            reason, fix = known
+            words = delay.words.format(these=these, dt=coarse.run.dt, frame=coarse.frame)
+            reason, fix = well_known.get((names, delay.constant), ("", delay.fix))
             words += f", {reason}" if reason else ""
-            whose = "the" if names == tuple(quantities) else "their"
-            part = 100.0 * (1.0 - found.left)
-            words += f"; this explains {part:.3g}% of {whose} errors at dt = {found.dt:.4g}"
-            evidence = {"left_over": found.left, "late": [*names]}
-            best = Diagnosis(delay.cause, words, evidence, fix)
+            whose = "the" if names == quantities else "their"
+            words += f"; this explains {100.0 * (1.0 - left):.3g}% of {whose} errors"
+            words += f" at dt = {fine.run.dt:.4g}"
+            best = Diagnosis(delay.cause, words, {"left_over": left, "late": [*names]}, fix)
     return best
 
 
-def _late_together(delay: Delay, names: Sequence[str]) -> list[tuple[str, ...]]:
-    """Which quantities may be late by a delay, and the others in time."""
-    each = [(name,) for name in names] if delay.alone and len(names) > 1 else []
-    return [tuple(names), *each]
+class _Late(NamedTuple):
+    """A run beside what a delay makes of the solution.
 
+    Fields:
+        run: from a file.
+        errors: of its samples, ``(samples, *state)``.
+        off: how far samples are from those of their time by the delay, likewise.
+        end: for so many samples this is known.
+        frame: the first sample that is late; the number of samples if none is.
+    """
 
-class _Left(NamedTuple):
-    """The part of the errors that a delay leaves at `dt`; the first run and frame that are late."""
-
-    left: float
-    dt: float
-    first: tuple[float, int]
+    run: Run
+    errors: np.ndarray
+    off: np.ndarray
+    end: int
+    frame: int
 
 
 class _Shifts:
@@ -326,93 +323,82 @@ class _Shifts:
         self._errors = [differences(run.states, reference) for run in runs]
         self._motion = {name: moved(reference, NORMS[f"{name}-max"]) for name in runs[0].quantities}
 
-    def left_over(self, delay: Delay, names: Sequence[str]) -> _Left | None:
-        """What a delay leaves unexplained of the errors of some quantities.
+    def explained(self, delay: Delay, names: Sequence[str]) -> tuple[_Late, _Late, float] | None:
+        """Whether a delay explains the errors of some quantities.
 
         Returns:
-            That of the finest run that is late; None if the delay does not explain them.
+            The finest and the coarsest run that are late, and the part of the errors that is left
+            over in the finest; None if the delay does not explain them.
         """
-        parts, ends, late = [], [len(self._ts)], []
-        far: dict[int, np.ndarray] = {}
-        first = (0.0, 0)
-        moves = self._ts > self._ts[0] if begins_right(self.runs, self._columns(names)) else True
-        for k in range(len(self.runs) - 1, -1, -1):
-            dt = self.runs[k].dt
-            steps = (self._ts - self._ts[0]) / dt
-            mixture = delay.mixture(_Samples(steps, np.arange(len(steps)), self._ts, dt))
-            off, end = self._late(dt, mixture, moves)
-            # A step that divides all frames leaves no partial step that could be skipped.
-            if np.any(by := moves * mixture[0][1]):
-                first = dt, int(np.argmax(by != 0.0))
-                if end <= first[1]:
-                    # It is too late for the series: the run says nothing.
-                    continue
-                late.append(k)
-                ends.append(end)
-                parts.append(max(self._left(k, off, name, end) for name in names))
-            far[k] = off
+        samples, dim = len(self._ts), self.runs[0].layout.dim
+        places = [*map(self.problem.quantities.index, names)]
+        columns = slice(places[0] * dim, (places[-1] + 1) * dim)
+        moves = self._ts > self._ts[0] if begins_right(self.runs, columns) else True
+        every = [self._late(k, delay, moves) for k in range(len(self.runs) - 1, -1, -1)]
+        # A run that is too late for the series says nothing.
+        known = [each for each in every if each.frame < each.end or each.frame == samples]
+        # A step that divides all frames leaves no partial step that could be skipped.
+        late = [each for each in known if each.frame < samples]
+        parts = [max(self._left(each, name) for name in names) for each in late]
         others = [name for name in self.runs[0].quantities if name not in names]
         if not late or max(parts) > _WORSE:
             return None
-        if not explains(parts[:RUNS], [self.runs[k].dt for k in late[:RUNS]]) and not (
+        if not explains(parts[:RUNS], [each.run.dt for each in late[:RUNS]]) and not (
             # Where some runs are late, the others show what the program does otherwise.
             not others
             and parts[0] <= _PART
             and (len(late) < len(self.runs) or delay.cause == "last-step")
-            and self._pass_without(far, min(ends) - 1)
+            and self._pass_without(known)
         ):
             return None
         if any(self._as_late(other, names, late[0], late[1]) for other in others):
             return None
-        return _Left(parts[0], self.runs[late[0]].dt, first)
+        return late[0], late[-1], parts[0]
 
-    def _late(
-        self, dt: float, mixture: Mixture, moves: np.ndarray | bool
-    ) -> tuple[np.ndarray, int]:
-        """How far a mixture of late states is from those of their time, by Taylor's series.
-
-        Returns:
-            The differences, and for how many samples the series has come to an end.
-        """
+    def _late(self, k: int, delay: Delay, moves: np.ndarray | bool) -> _Late:
+        """A run beside a mixture of late states, by Taylor's series."""
+        run, steps = self.runs[k], (self._ts - self._ts[0]) / self.runs[k].dt
+        mixture = delay.mixture(_Samples(steps, np.arange(len(steps)), self._ts, run.dt))
         far = term = np.zeros_like(self._derivatives[:, 0])
         for power in range(1, self._derivatives.shape[1]):
-            factor = np.sum([weight * (dt * steps) ** power for weight, steps in mixture], axis=0)
+            factor = np.sum(
+                [weight * (run.dt * steps) ** power for weight, steps in mixture], axis=0
+            )
             factor = moves * factor / math.factorial(power)
             term = factor.reshape(-1, *[1] * (far.ndim - 1)) * self._derivatives[:, power]
             far = far + term
         sizes = [np.max(np.abs(each).reshape(len(each), -1), axis=1) for each in (term, far)]
+        # Where its last term is small, the series has come to an end.
         coarse = sizes[0] > _LAST_TERM * np.maximum.accumulate(sizes[1])
-        return far, int(np.argmax(coarse)) if np.any(coarse) else len(far)
+        is_late = moves * mixture[0][1] != 0.0
+        end, frame = (int(np.argmax([*when, True])) for when in (coarse, is_late))
+        return _Late(run, self._errors[k], far, end, frame)
 
-    def _pass_without(self, far: Mapping[int, np.ndarray], frames: int) -> bool:
+    def _pass_without(self, runs: Sequence[_Late]) -> bool:
         """Whether runs converge to the solution that are so far off by being late."""
         undone = []
-        for k, off in sorted(far.items()):
-            run = self.runs[k]
-            values, columns = run.values.copy(), run.values.shape[2]
-            values[: len(off)] -= samples_of(self.problem, off)[:, :, :columns]
+        for run, _, off, *_ in reversed(runs):
+            values = run.values.copy()
+            values[: len(off)] -= samples_of(self.problem, off)[:, :, : values.shape[2]]
             undone.append(dataclasses.replace(run, values=values))
-        reference = beginning(self._reference, frames)
+        end = min(each.end for each in runs)
+        reference = beginning(self._reference, end - 1)
         return reference is not None and order_finding(reference, undone, None)[0].status == "pass"
 
-    def _columns(self, names: Sequence[str]) -> slice:
-        dim, places = self.runs[0].layout.dim, [*map(self.problem.quantities.index, names)]
-        return slice(places[0] * dim, (places[-1] + 1) * dim)
+    def _size(self, name: str, states: np.ndarray) -> float:
+        return float(np.max(np.abs(self.problem.quantity(name, states)), initial=0.0))
 
-    def _error(self, k: int, name: str, end: int | None = None) -> float:
-        return float(np.max(np.abs(self.problem.quantity(name, self._errors[k][:end]))))
-
-    def _left(self, k: int, explained: np.ndarray, name: str, end: int) -> float:
+    def _left(self, late: _Late, name: str) -> float:
         """The part of the errors of a quantity that a shift in time does not explain."""
-        error = self._error(k, name, end) if end else 0.0
-        rest = self.problem.quantity(name, (self._errors[k] - explained)[:end])
-        return float(np.max(np.abs(rest))) / error if error > 0.0 else np.inf
+        _, errors, off, end, _ = late
+        error = self._size(name, errors[:end])
+        return self._size(name, (errors - off)[:end]) / error if error > 0.0 else np.inf
 
-    def _as_late(self, other: str, names: Sequence[str], fine: int, coarse: int) -> bool:
+    def _as_late(self, other: str, names: Sequence[str], fine: _Late, coarse: _Late) -> bool:
         """Whether the errors of another quantity are as large, and fall no faster, than these."""
 
-        def relative(k: int, name: str) -> float:
-            return self._error(k, name) / self._motion[name]
+        def relative(each: _Late, name: str) -> float:
+            return self._size(name, each.errors) / self._motion[name]
 
         def falls(name: str) -> float:
             return relative(fine, name) / relative(coarse, name)
