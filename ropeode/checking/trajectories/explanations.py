@@ -16,7 +16,7 @@ from ropeode.checking.trajectories.convergence import order_finding
 from ropeode.checking.trajectories.initial_states import begins_right, check_initial_states
 from ropeode.checking.trajectories.known_methods import same_method
 from ropeode.checking.trajectories.layout import Written, samples_of
-from ropeode.checking.trajectories.run_files import Files, Run, finite, opened_files, read_runs
+from ropeode.checking.trajectories.run_files import Files, Run, finite, opened_files, run_of
 from ropeode.checking.trajectories.time_errors import RUNS, explains
 from ropeode.checking.trajectories.transforms import (
     Samples,
@@ -304,41 +304,39 @@ def explain_times(
     Raises:
         ReferenceRefused: no reference can be certified.
     """
-    for clock in likely_clocks(files.problem, _times(files)):
-        found = _explained(clock, certified, files, as_written, coarse)
+    try:
+        opened, dts, _ = opened_files(*files)
+        every = [(file.path, file.samples()) for file in opened]
+    except (InputError, OSError):
+        return None
+    times = [Times(written.times, dt) for (_, written), dt in zip(every, dts, strict=True)]
+    for clock in likely_clocks(files.problem, times):
+        found = _explained(clock, certified, files, every, as_written, coarse)
         if found is not None:
             return found
     return None
-
-
-def _times(files: Files) -> list[Times]:
-    """The times of files; none if one of them cannot be read."""
-    try:
-        opened, steps, _ = opened_files(*files)
-        return [Times(file.samples().times, dt) for file, dt in zip(opened, steps, strict=True)]
-    except (InputError, OSError):
-        return []
 
 
 def _explained(
     clock: Clock,
     certified: Callable[[], Reference],
     files: Files,
+    every: Sequence[tuple[Path, Written]],
     as_written: Sequence[Run],
     coarse: bool,
 ) -> Explanation | None:
     """The explanation that files have other times, and maybe other columns, too."""
-    paths, problem, dts, fewest = files
+    problem = files.problem
     shown = problem if clock.ends else problem.changed(ts=problem.ts[:-1], exact=None)
-
-    def reading(index: int, written: Written) -> tuple[float, Written]:
-        return clock.files[index].dt, clock.read(written, index, shown)
-
     try:
-        runs = finite(read_runs(paths, shown, dts, fewest=fewest, reading=reading))
+        read = [
+            run_of(path, clock.files[k].dt, clock.read(written, k, shown), shown)
+            for k, (path, written) in enumerate(every)
+        ]
     except InputError:
         return None
-    if len(runs) < fewest:
+    runs = finite(sorted(read, key=lambda run: -run.dt))
+    if len(runs) < files.fewest or len({run.quantities for run in runs}) > 1:
         return None
     reference = certified() if clock.ends else _without_last(certified(), shown)
 

@@ -25,8 +25,6 @@ from ropeode.validation import MOST_COUNTED, bad_value, complaint, listed, posit
 T = TypeVar("T")
 File = CsvFile | ArrayFile
 FORMATS: dict[str, type[File]] = {".csv": CsvFile, ".npz": ArrayFile, ".nc": ArrayFile}
-# The step size and the samples that count, from the number of a file and all its samples.
-Reading = Callable[[int, Written], tuple[float, Written]]
 FEWEST = 3
 _NAMES_SHOWN = 3
 # Two values of a step size, or of a number of steps, are equal if they differ by less.
@@ -148,7 +146,6 @@ def read_runs(
     progress: Progress = silent,
     *,
     fewest: int = FEWEST,
-    reading: Reading | None = None,
 ) -> tuple[Run, ...]:
     """Read the files one after the other, keeping the samples at the problem's sample times.
 
@@ -158,7 +155,6 @@ def read_runs(
         dts: step size of each; None if the files contain them, or their names the steps per frame.
         progress: called with the current task and the fraction that is done.
         fewest: the smallest number of files; fewer than three show no order.
-        reading: another meaning of the samples of each file than that of their times.
 
     Returns:
         The runs, from coarse to fine.
@@ -171,12 +167,10 @@ def read_runs(
     sizes = np.cumsum([0, *(file.size for file in opened)])
 
     def read(index: int) -> Run:
-        path, dt = opened[index].path, steps[index]
-        progress(f"reading {path.name}", float(sizes[index] / max(sizes[-1], 1)))
-        written = opened[index].samples()
-        if reading is not None:
-            dt, written = reading(index, written)
-        return dataclasses.replace(_run(path, dt, written, problem), named=named)
+        file = opened[index]
+        progress(f"reading {file.path.name}", float(sizes[index] / max(sizes[-1], 1)))
+        run = run_of(file.path, steps[index], file.samples(), problem)
+        return dataclasses.replace(run, named=named)
 
     runs = _for_each([file.path for file in opened], read)
     if len({file.velocities for file in opened}) > 1:
@@ -316,8 +310,12 @@ def _step_size(file: File, given: Any, problem: Problem) -> float:
         raise bad_value(f"{file.path}, dt", given, allowed, "for example dt = 0.01") from None
 
 
-def _run(path: Path, dt: float, written: Written, problem: Problem) -> Run:
-    """The run whose samples are those of a file at the sample times of a problem."""
+def run_of(path: Path, dt: float, written: Written, problem: Problem) -> Run:
+    """The run whose samples are those of a file at the sample times of a problem.
+
+    Raises:
+        InputError: a time is wrong or missing, or they are farther apart than dt allows.
+    """
     values, interval, diverged = sampled(written, problem.ts)
     interval = interval or float(problem.ts[-1] - problem.ts[0])
     if dt > interval * (1.0 + _SAME):
