@@ -76,6 +76,7 @@ class _Part(NamedTuple):
     columns: tuple[str, ...]
     name: str
     of: str = ""
+    alone: str = ""
 
 
 def transforms(samples: Samples) -> Iterator[Transform]:
@@ -91,23 +92,11 @@ def transforms(samples: Samples) -> Iterator[Transform]:
         parts = [
             _Part(slice(None), layout.axes, "all numbers"),
             _Part(slice(1, 2), speeds, "velocities", " of the velocities"),
-            _Part(slice(0, 1), layout.axes, "positions", " of the positions"),
+            _Part(slice(0, 1), layout.axes, "positions", " of the positions", "in the positions, "),
         ]
-    nodes = "nodes" if layout.mechanical else "components"
     for part in parts:
-        if layout.nodes > 1:
-            first = (
-                "number nodes from the other end"
-                if layout.mechanical
-                else ("write the first one first")
-            )
-            words = f"the {nodes}{part.of} are in reverse order"
-            yield Transform(words, first, _on(part, dim, lambda v, _: v[:, ::-1]))
-        for order in itertools.permutations(range(dim)) if dim <= _MOST_AXES else ():
-            if order != tuple(range(dim)):
-                yield _exchanged(part, dim, order)
-        yield from _mirrored(part, dim, two)
-        yield from _scaled(samples, part)
+        for words, fix, change in (*_rearranged(samples, part), *_scaled(samples, part)):
+            yield Transform(words, fix, _on(part, dim, change))
 
 
 def _on(part: _Part, dim: int, change: Undo) -> Undo:
@@ -119,6 +108,30 @@ def _on(part: _Part, dim: int, change: Undo) -> Undo:
         return new.reshape(values.shape)
 
     return undo
+
+
+def _rearranged(samples: Samples, part: _Part) -> Iterator[Transform]:
+    """Nodes or columns in another order, or an axis that points the other way."""
+    layout, columns, dim = samples.run.layout, part.columns, samples.run.layout.dim
+    if layout.nodes > 1:
+        nodes, fix = (
+            ("nodes", "number nodes from the other end")
+            if layout.mechanical
+            else ("components", "write the first one first")
+        )
+        words = f"the {nodes}{part.of} are in reverse order"
+        yield Transform(words, fix, lambda v, _: v[:, ::-1])
+    for order in itertools.permutations(range(dim)) if dim <= _MOST_AXES else ():
+        holds = [(columns[k], columns[axis]) for k, axis in enumerate(order) if k != axis]
+        if holds:
+            words = listed(f"column {one} holds {other}" for one, other in holds)
+            back = np.argsort(order)
+            fix = f"write {' before '.join(columns)}"
+            yield Transform(words, fix, lambda v, _, back=back: v[..., back])
+    for signs, column in zip(1.0 - 2.0 * np.eye(dim), columns, strict=True):
+        fix = f"let {column} point in the direction of the spec"
+        words = f"{part.alone}{column} points the other way"
+        yield Transform(words, fix, lambda v, _, signs=signs: v * signs)
 
 
 def _of_velocities(samples: Samples) -> Iterator[Transform]:
@@ -154,32 +167,6 @@ def _of_velocities(samples: Samples) -> Iterator[Transform]:
         )
 
 
-def _exchanged(part: _Part, dim: int, order: Sequence[int]) -> Transform:
-    """Columns in another order: each holds that coordinate."""
-    columns = part.columns
-    words = [
-        f"column {columns[k]} holds {columns[axis]}" for k, axis in enumerate(order) if k != axis
-    ]
-    back = np.argsort(order)
-    return Transform(
-        listed(words),
-        f"write {' before '.join(columns)}",
-        _on(part, dim, lambda v, _: v[..., back]),
-    )
-
-
-def _mirrored(part: _Part, dim: int, two: bool) -> Iterator[Transform]:
-    for axis, column in enumerate(part.columns):
-        signs = np.ones(dim)
-        signs[axis] = -1.0
-        alone = "in the positions, " if two and part.name == "positions" else ""
-        yield Transform(
-            f"{alone}{column} points the other way",
-            f"let {column} point in the direction of the spec",
-            _on(part, dim, lambda v, _, signs=signs: v * signs),
-        )
-
-
 def _scaled(samples: Samples, part: _Part) -> Iterator[Transform]:
     """Another unit, or a factor of dt."""
     dim, problem = samples.run.layout.dim, samples.run.problem
@@ -198,9 +185,7 @@ def _scaled(samples: Samples, part: _Part) -> Iterator[Transform]:
         return
     words, fix = _POWERS[power]
     words = words.format("" if factor == 1.0 else f"{factor:.6g} ")
-
-    undo = _on(part, dim, lambda v, dt: v / (factor * dt**power))
-    yield Transform(f"{part.name} are {words}", fix, undo)
+    yield Transform(f"{part.name} are {words}", fix, lambda v, dt: v / (factor * dt**power))
 
 
 def _factor_of(
