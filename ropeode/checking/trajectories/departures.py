@@ -16,6 +16,7 @@ from ropeode.checking.trajectories.known_methods import (
     MOST_IN_PYTHON,
     Actor,
     beginning_so,
+    operations,
     steps_per_frame,
 )
 from ropeode.checking.trajectories.layout import samples_of
@@ -23,7 +24,6 @@ from ropeode.checking.trajectories.run_files import Run, finite
 from ropeode.norms import NORMS
 from ropeode.precision import in_float64
 from ropeode.problems import Problem
-from ropeode.problems.nested_jaxprs import equations
 from ropeode.references import Reference
 from ropeode.steppers import as_stepper
 from ropeode.theory import is_rope
@@ -273,8 +273,7 @@ def _acts_before(problem: Problem, states: np.ndarray, frame: int) -> bool:
         return True
     if problem.in_python:
         return False
-    traced = jax.make_jaxpr(problem.rhs)(problem.ts[0], problem.y0, problem.args)
-    if not {each.primitive.name for each in equations(traced)} <= _SMOOTH:
+    if not operations(problem) <= _SMOOTH:
         return False
     ts = problem.ts[: len(states)]
     # The time, and the positions and the velocities, or the whole state.

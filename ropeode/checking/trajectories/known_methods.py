@@ -132,18 +132,19 @@ def beginning_so(
     counts, one = steps_per_frame(runs), step_size(problem, 1)
     if any(abs(one / run.dt - n) > WHOLE for run, n in zip(runs, counts, strict=True)):
         return
-    slow = counts[0] > MOST_IN_PYTHON or _has_loops(problem)
+    # Loops, as rigid links have them, are compiled each on its own.
+    slow = counts[0] > MOST_IN_PYTHON or bool(operations(problem) & {"scan", "while"})
     for actors in _actors(problem, runs[0].values.shape[2]):
         yield [actor for actor in actors if slow or agrees(actor.beginning(counts[0]))]
 
 
 @in_float64
-def _has_loops(problem: Problem) -> bool:
-    """Whether the right-hand side has loops, as rigid links have: each is compiled on its own."""
+def operations(problem: Problem) -> set[str]:
+    """The names of the primitives that the right-hand side consists of; none if it is in Python."""
     if problem.in_python:
-        return False
+        return set()
     traced = jax.make_jaxpr(problem.rhs)(problem.ts[0], problem.y0, problem.args)
-    return any(each.primitive.name in ("scan", "while") for each in equations(traced))
+    return {each.primitive.name for each in equations(traced)}
 
 
 def like_steppers(reference: Reference, runs: Sequence[Run]) -> list[Actor]:
@@ -250,28 +251,25 @@ def same_method(reference: Reference, runs: Sequence[Run]) -> Identity | None:
         for run, n in zip(known, steps_per_frame(known), strict=True)
     ]
     # What is only like it, and not the same, would be evidence of another order.
-    if not agreed or min(each.frames for each in agreed) < 1:
+    if min((frames for frames, _, _ in agreed), default=0) < 1:
         return None
+    frames, misfits, complete = zip(*agreed, strict=True)
     return Identity(
         tuple(actor.name for actor in like),
         tuple(actor.order for actor in like),
-        min(each.frames for each in agreed),
-        max(each.misfit for each in agreed),
-        len(known) == len(runs) and all(each.complete for each in agreed),
+        min(frames),
+        max(misfits),
+        len(known) == len(runs) and all(complete),
         known[0].quantities,
     )
 
 
-class _Agreement(NamedTuple):
-    """In how many frames positions agree, to which part of the motion; and whether all does."""
+def _agreeing(reference: Reference, run: Run, made: Run | None) -> tuple[int, float, bool]:
+    """How far two runs agree; no quantity may differ by much of its error.
 
-    frames: int
-    misfit: float
-    complete: bool
-
-
-def _agreeing(reference: Reference, run: Run, made: Run | None) -> _Agreement:
-    """How far two runs agree; no quantity may differ by much of its error."""
+    Returns:
+        In how many frames positions agree, to which part of the motion; and whether all does.
+    """
     assert made is not None
     frames, misfits = [], []
     apart = np.abs(run.values - made.values[: len(run.values)])
@@ -288,4 +286,4 @@ def _agreeing(reference: Reference, run: Run, made: Run | None) -> _Agreement:
         last = len(same) - 1 if same.all() else int(np.argmin(same)) - 1
         frames.append(last if known[last] else 0)
         misfits.append(float(np.max(parts[: frames[-1] + 1], initial=0.0)))
-    return _Agreement(frames[0], misfits[0], min(frames) == reference.trusted - 1)
+    return frames[0], misfits[0], min(frames) == reference.trusted - 1

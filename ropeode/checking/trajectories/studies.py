@@ -190,8 +190,7 @@ def trajectory_energy_curves(
     """
     own = problem_of(problem)
     check_energy(own)
-    runs, _ = _runs(files, problem, dts, None, progress, asked)
-    _check_quantities(runs, own.quantities)
+    runs, _ = _runs(files, problem, dts, None, progress, asked, needed=own.quantities)
     reference = _reference(problem, progress, asked)
     energies = [own.energies(each.states) for each in runs]
     known = reference.states[: reference.trusted]
@@ -260,6 +259,7 @@ def _runs(
     norm: str | None,
     progress: Progress,
     asked: dict[str, Any],
+    needed: Sequence[str] = (),
 ) -> tuple[tuple[Run, ...], Norm]:
     """The files, read and checked, and the norm."""
     own = problem_of(problem)
@@ -267,24 +267,16 @@ def _runs(
     runs, _ = checked_runs(
         files, own, dts, lambda: _reference(problem, progress, asked), progress, fewest=1
     )
-    _check_finite(runs)
-    _check_quantities(runs, [measure.quantity])
-    return runs, measure
-
-
-def _check_finite(runs: Sequence[Run]) -> None:
     for run in runs:
         if run.diverged is not None:
             fix = "leave out runs that diverged, or use smaller steps"
             raise bad_value(run.diverged.where, run.diverged.given, "a finite number", fix)
-
-
-def _check_quantities(runs: Sequence[Run], needed: Sequence[str]) -> None:
-    if set(needed) - set(runs[0].quantities):
+    if {measure.quantity, *needed} - {*runs[0].quantities}:
         given = f"none in {[str(run.path) for run in runs]}"
         allowed = "velocities in all files for what is to be drawn"
         fix = "write them, or choose a plot and a norm of positions"
         raise bad_value("velocities", given, allowed, fix)
+    return runs, measure
 
 
 def _reference(
