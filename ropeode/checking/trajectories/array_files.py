@@ -17,6 +17,8 @@ from ropeode.files import open_to_read
 from ropeode.validation import bad_value, shortly
 
 TIMES, POSITIONS, VELOCITIES, STEP = "t", "positions", "velocities", "dt"
+# No array has more bytes than so many times those of its file, however it is compressed.
+_COMPRESSED = 2**11
 _FORMATS = {".npz": "an archive written by numpy.savez", ".nc": "a NetCDF4 file"}
 
 
@@ -85,7 +87,8 @@ class ArrayFile:
         suffix = self.path.suffix.lower()
         try:
             if suffix == ".npz":
-                with np.load(self.path, allow_pickle=False) as archive:
+                # Not numpy.load, which advises to trust what is no archive.
+                with self.path.open("rb") as file, np.lib.npyio.NpzFile(file) as archive:
                     yield archive
             else:
                 # Not h5netcdf, which complains once more when it closes what it could not open.
@@ -101,9 +104,11 @@ class ArrayFile:
     def _numbers(self, arrays: Mapping[str, Any], name: str) -> np.ndarray:
         """The numbers of one array."""
         stored = arrays[name]
-        if isinstance(stored, h5py.Dataset) and (stored.is_virtual or stored.external):
-            fix = "write all numbers into one file"
-            self._refuse(name, "numbers of another file", "all numbers in the file itself", fix)
+        if isinstance(stored, h5py.Dataset) and (
+            stored.is_virtual or stored.external or stored.nbytes > _COMPRESSED * self.size
+        ):
+            given, allowed = "numbers that are not in the file", "all numbers in the file itself"
+            self._refuse(name, given, allowed, "write all numbers into one file")
         numbers = np.asarray(stored)
         if numbers.dtype.kind not in "fiu":
             self._refuse(name, str(numbers.dtype), "real numbers", "store float64")
