@@ -17,7 +17,7 @@ def files_of(folder, stepper, changes, steps=STEPS, **how):
     return write_runs(folder, Rope(**{"num_nodes": 4, **changes}).problem(3), stepper, steps, **how)
 
 
-PULLED = {"gravity": (0.3, -1.5), "damping": 0.1, "stiffness": 200.0}
+PULLED = {"gravity": (0.3, -1.5), "stiffness": 200.0}
 PRINTED = {"suffix": ".csv", "digits": "%.7g"}
 # Stepper, what is changed, how it is written, and words of the diagnosis.
 OTHER_ROPES = [

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ropeode.checking.diagnosis.fitted_terms import Fitting, Group
+from ropeode.checking.diagnosis.fitted_terms import Change, Fit, Fitting, Sized
 from ropeode.checking.diagnosis.methods import (
     METHODS,
     MISTAKEN,
@@ -58,17 +58,14 @@ _LEFT = 1e-3
 _LAST_BITS, _LARGEST = 2.0**-46, 1e-3
 # What moves by less than this part of the motion may seem to stand still in few digits.
 _STILL = 1e-3
-# By how much a term is changed for its derivative, how often it is corrected, and which part of
-# that change is no correction any more. Where more than a part of a large difference stays,
-# according to the derivative, the term is given up.
-_CHANGE, _FEWEST_CORRECTIONS, _MOST_CORRECTIONS, _SMALL_STEP = 1e-6, 3, 10, 1e-4
-_MOST_OF_IT = 0.9
+# The most iterations of a fit to a first frame.
+_ITERATIONS = 20
 # A program that is so much farther from the positions in one file than in another one grows without
 # bound there.
 _GROWN = 2.0
 # Pairs of changes are many: they are sought in runs with at most so many steps in a frame, with all
-# digits, by so few iterations.
-_MOST_STEPS_OF_PAIRS, _ITERATIONS_OF_PAIRS = 64, 20
+# digits.
+_MOST_STEPS_OF_PAIRS = 64
 # A method that iterates takes the most time: it is tried without pairs of changes, and with more
 # steps in a frame without any. Runs so fine have a limit that shows a change.
 _MOST_STEPS_OF_ITERATIONS = 128
@@ -158,7 +155,7 @@ class Program(NamedTuple):
     def is_right(self) -> bool:
         """Whether nothing in it is wrong."""
         wrong = any(self.unforced) or self.forgets_velocity or self.extra or self.single
-        return not (self.changed or wrong)
+        return not (self.changed or self.mistakes or wrong)
 
     @property
     def changes(self) -> tuple[Program, ...]:
@@ -258,9 +255,8 @@ class _Run:
             samples.append(x)
         return np.stack(samples, axis=1)
 
-    def fitting(self, method: Method) -> Fitting:
-        """Changes several terms at once so that a program computes the positions."""
-        counts = self.by_number()
+    def fitting(self, method: Method, counts: np.ndarray) -> Fitting:
+        """Changes terms so that a program computes the positions."""
         uncertainty = np.full(self.positions.shape, self.same * self._motion)
         return Fitting(
             lambda terms, samples: self.motion(method, terms, counts[:samples]),
@@ -270,30 +266,9 @@ class _Run:
 
     def fitted(self, method: Method, guesses: Sequence[_Guess], counts: np.ndarray) -> list[_Guess]:
         """The guesses with the values that give the first frame, as far as any does."""
-        values = np.array([guess.value for guess in guesses])
-        going = np.flatnonzero([guess.is_number for guess in guesses])
-        for correction in range(_MOST_CORRECTIONS):
-            if not len(going):
-                break
-            own, changed = values[going], [guesses[i] for i in going.tolist()]
-            step = _CHANGE * np.maximum(np.abs(own), 1.0)
-            terms = _terms([*changed, *changed], np.concatenate([own, own + step]))
-            here, there = np.split(self.misfits(self.motion(method, terms, counts[:1])), 2)
-            slope = (there - here) / step[:, None]
-            change = -np.sum(here * slope, axis=1) / np.sum(slope * slope, axis=1)
-            values[going] = own + change
-            size, rest = (np.max(np.abs(e), axis=1) for e in (here, here + slope * change[:, None]))
-            stays = (rest > _MOST_OF_IT * size) & (correction >= _FEWEST_CORRECTIONS)
-            # What is left may be the rounding of an unstable program.
-            lost = ~np.isfinite(change) | (stays & (size > _LARGEST))
-            values[going[lost]] = np.nan
-            going = going[~lost & ~stays & (np.abs(change) > _SMALL_STEP * np.abs(step))]
-        found = zip(guesses, values.tolist(), strict=True)
-        return [
-            guess._replace(value=value)
-            for guess, value in found
-            if value == value or not guess.is_number
-        ]
+        sets = [guess.sized for guess in guesses if guess.is_number]
+        fits = self.fitting(method, counts).fits(sets, 1, _ITERATIONS)
+        return [*(each for each in guesses if not each.is_number), *map(_Guess.fitted, fits)]
 
     def agreeing(
         self, method: Method, guesses: Sequence[_Guess], counts: np.ndarray
@@ -306,8 +281,7 @@ class _Run:
         self, method: Method, guesses: Sequence[_Guess], counts: np.ndarray
     ) -> list[tuple[_Guess, float]]:
         """The same of the frames that are counted."""
-        every = [_RIGHT, *guesses]
-        terms = _terms(every, np.array([guess.value for guess in every]))
+        terms = _terms([_RIGHT, *guesses])
         apart = self.misfits(self.motion(method, terms, counts))
         largest = np.max(np.abs(apart), axis=1)
         allowed = np.full(len(largest), self.same)
@@ -317,7 +291,7 @@ class _Run:
             by_rounding = np.max(np.abs(shaken - apart), axis=1)
             allowed = np.maximum(self.same, np.minimum(by_rounding, _LARGEST))
         allowed[1:] = [
-            min(most, _LEFT * largest[0]) if guess.changed else most
+            min(most, _LEFT * largest[0]) if guess.values else most
             for guess, most in zip(guesses, allowed[1:], strict=True)
         ]
         rows = zip(guesses, largest[1:].tolist(), allowed[1:].tolist(), strict=True)
@@ -325,40 +299,47 @@ class _Run:
 
 
 class _Guess(NamedTuple):
-    """Terms that may be wrong, and their value, or known mistakes in its place."""
+    """Changes that may be made, and the values of their terms; or known mistakes in their place."""
 
-    changed: tuple[str, ...]
-    value: float
+    changes: tuple[Change, ...]
+    found: tuple[float, ...] = ()
     mistakes: tuple[KnownMistake, ...] = ()
 
     @classmethod
-    def of(cls, *mistakes: KnownMistake) -> _Guess:
-        """That all of these were made."""
-        changed = dict.fromkeys(name for each in mistakes for name in each.values)
-        return cls((*changed,), math.nan, mistakes)
+    def fitted(cls, fit: Fit) -> _Guess:
+        """The changes of a fit."""
+        return cls(fit.changes, (*fit.values,))
 
     @property
     def is_number(self) -> bool:
-        """Whether the value is to be found."""
-        return bool(self.changed) and not self.mistakes
+        """Whether there are values to be found."""
+        return bool(self.changes)
 
+    @property
+    def sized(self) -> Sized:
+        """The changes, and how large each is."""
+        pairs = zip(self.changes, self.found, strict=True)
+        return self.changes, np.array([value - change.expected for change, value in pairs])
+
+    @property
     def values(self) -> dict[str, Any]:
         """Of the changed terms."""
-        found: dict[str, Any] = dict.fromkeys(self.changed, 1.0 if self.mistakes else self.value)
+        pairs = zip(self.changes, self.found, strict=True)
+        values: dict[str, Any] = {name: value for change, value in pairs for name in change.terms}
         for mistake in self.mistakes:
             for name, value in mistake.values.items():
-                found[name] = found[name] * value
-        return found
+                values[name] = values.get(name, 1.0) * value
+        return values
 
 
-_RIGHT = _Guess((), math.nan)
+_RIGHT = _Guess(())
 
 
-def _terms(guesses: Sequence[_Guess], values: np.ndarray) -> Terms:
-    """The terms of a copy of a program for each guess, with its value."""
+def _terms(guesses: Sequence[_Guess]) -> Terms:
+    """The terms of a copy of a program for each guess."""
     terms = right_terms(len(guesses))
     for copy, guess in enumerate(guesses):
-        for name, value in guess._replace(value=values[copy]).values().items():
+        for name, value in guess.values.items():
             if np.ndim(value) > terms[name].ndim - 1:
                 terms[name] = np.repeat(terms[name][:, None], np.size(value), axis=1)
             terms[name][copy] = value
@@ -421,18 +402,18 @@ def programs_of(
     of_pairs = precise if few else []
     right, changed = [_RIGHT], [_RIGHT]
     every = known_mistakes(problem.args) if rope else []
-    single = [_Guess.of(each) for each in every]
+    single = [_Guess((), mistakes=(each,)) for each in every]
     mistakes = [each for each in single if each.mistakes[0].number is None]
-    both = [_Guess.of(*each) for each in itertools.combinations(every, 2)]
+    both = [_Guess((), mistakes=each) for each in itertools.combinations(every, 2)]
     own = {*TERMS} - (_OF_SPRINGS if kind == "rigid links" else set()) if rope else _OF_ANY
     if not np.any(problem.y0[1]):
         own = own - {"velocity"}
     for terms in CHANGES:
         # The forces of any problem are known as a whole.
         if own >= {*terms} and (rope or terms != ("old_forces",)):
-            changed += [_Guess(terms, start) for start in TERMS[terms[0]].starts]
+            changed += [_Guess((Change(terms),), (start,)) for start in TERMS[terms[0]].starts]
     unlikely = "further" if rope and np.any(problem.args.damping) else "damping"
-    groups = [Group((name,)) for name in _IN_PAIRS if name in own - {unlikely}]
+    in_pairs = [Change((name,)) for name in _IN_PAIRS if name in own - {unlikely}]
     methods = METHODS[kind]
     fine = known[0].by_number()[0] > _MOST_STEPS_OF_ITERATIONS
     quick = tuple(each for each in methods if not each.iterates)
@@ -450,7 +431,7 @@ def programs_of(
         2: (
             (quick, lambda method: _programs(method, both, of_pairs, _Run.by_number)),
             (mistaken, lambda method: _programs(method, single, of_pairs, _Run.by_number)),
-            (quick, lambda method: _with_two_changes(method, groups, longer)),
+            (quick, lambda method: _with_two_changes(method, in_pairs, longer)),
         ),
     }
     with np.errstate(all="ignore"):  # Programs that blow up.
@@ -578,40 +559,49 @@ def _programs(
     different: dict[tuple, tuple[_Guess, float]] = {}
     for guess, misfit in first:
         said = ((each.kind, each.words) for each in guess.mistakes)
-        different.setdefault((guess.changed, *said), (guess, misfit))
+        different.setdefault((guess.changes, *said), (guess, misfit))
     found = []
     for guess, misfit in different.values():
-        values = _followed(method, guess, runs, counts)
-        if values is not None:
-            known = Program(method, guess.changed, values, misfit, runs[0].frames, extra=extra)
-            found.append(known._replace(mistakes=guess.mistakes))
+        program = _followed(Program(method, (), {}, misfit, runs[0].frames), guess, runs, counts)
+        if program is not None:
+            found.append(program._replace(extra=extra, mistakes=guess.mistakes))
     return found
 
 
 def _followed(
-    method: Method, guess: _Guess, runs: Sequence[_Run], counts: Sequence[np.ndarray]
-) -> dict[float, float] | None:
-    """The value of a guess at each step size; None if it does not compute all runs."""
-    values = {runs[0].dt: guess.value}
-    for run, count in zip(runs[1:], counts[1:], strict=True):
-        dt, value = next(reversed(values.items()))
-        starts = [value]
-        if guess.is_number:
-            expected, ratio = TERMS[guess.changed[0]].expected, run.dt / dt
-            starts += [expected + (value - expected) * r for r in (ratio, 1.0 / ratio)]
-            starts += [value * ratio, value / ratio]
-        guesses = [guess._replace(value=start) for start in starts]
+    program: Program, guess: _Guess, runs: Sequence[_Run], counts: Sequence[np.ndarray]
+) -> Program | None:
+    """A program with the values of a guess at each step size; None if it computes not all runs."""
+    method, guesses = program.method, [guess]
+    for run, before, count in zip(runs[1:], runs, counts[1:], strict=False):
+        starts = [guesses[-1]]
+        if len(guess.changes) == 1:
+            (change,), (value,), ratio = guess.changes, guesses[-1].found, run.dt / before.dt
+            off = value - change.expected
+            starts += [
+                guess._replace(found=(start,))
+                for start in (
+                    *(change.expected + off * r for r in (ratio, 1.0 / ratio)),
+                    *(value * ratio, value / ratio),
+                )
+            ]
         # With all digits a value need not be found anew.
-        agreeing = run.agreeing(method, guesses, count) if run.same <= _SAME else []
-        agreeing = agreeing or run.agreeing(method, run.fitted(method, guesses, count), count)
+        agreeing = run.agreeing(method, starts, count) if run.same <= _SAME else []
+        if not agreeing and len(guess.changes) <= 1:
+            agreeing = run.agreeing(method, run.fitted(method, starts, count), count)
         if not agreeing:
             return None
-        values[run.dt] = agreeing[0][0].value
-    return values
+        guesses.append(agreeing[0][0])
+    dts = [run.dt for run in runs]
+    first, *others = [
+        program._replace(changed=change.terms, found=dict(zip(dts, values, strict=True)))
+        for change, *values in zip(guess.changes, *(each.found for each in guesses), strict=True)
+    ] or [program._replace(found=dict.fromkeys(dts, math.nan))]
+    return first._replace(also=others[0]) if others else first
 
 
 def _with_two_changes(
-    method: Method, groups: Sequence[Group], runs: Sequence[_Run]
+    method: Method, changes: Sequence[Change], runs: Sequence[_Run]
 ) -> list[Program]:
     """The programs of a method with two terms changed by the same numbers in all runs."""
     short = [
@@ -626,30 +616,18 @@ def _with_two_changes(
     # Where the right program grows without bound, no step leads from it to another one.
     base = next(run for run, far in zip(short, apart, strict=True) if far <= _GROWN * min(apart))
     runs = [base, *(run for run in runs if run is not base)]
-    (pairs,), found = base.fitting(method).explaining(groups, (2,), _ITERATIONS_OF_PAIRS), []
-    for fit in pairs:
-        fits = [fit]
-        for run in runs[1:]:
-            fits += run.fitting(method).refined(fits[-1:])
-        values = np.array([[*each.values().values()] for each in fits])
-        off = np.max(np.abs(values - values[0]), axis=0)
-        if (
-            len(fits) == len(runs)
-            and all(each.explains for each in fits)
-            and np.all(off <= _ALIKE * np.maximum(np.abs(values[0]), _ALIKE))
-        ):
-            one, other = (
-                Program(
-                    method,
-                    group.terms,
-                    {run.dt: float(each[part]) for run, each in zip(runs, values, strict=True)},
-                    fit.misfit * base.same,
-                    base.frames,
-                )
-                for part, group in enumerate(fit.groups)
-            )
-            found.append(one._replace(also=other))
-    return found
+    counts = [run.by_number() for run in runs]
+    (pairs,) = base.fitting(method, counts[0]).explaining(changes, (2,), _ITERATIONS)
+    found = (
+        _followed(
+            Program(method, (), {}, fit.misfit * base.same, base.frames),
+            _Guess.fitted(fit),
+            runs,
+            counts,
+        )
+        for fit in pairs
+    )
+    return [program for program in found if program is not None]
 
 
 def _in_single(method: Method, runs: Sequence[_Run]) -> list[Program]:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.integrate import DOP853
 
-from ropeode.checking.diagnosis.fitted_terms import Fit, Fitting, Group
+from ropeode.checking.diagnosis.fitted_terms import Change, Fit, Fitting
 from ropeode.checking.diagnosis.program_words import wrong_term
 from ropeode.checking.diagnosis.programs import Runs
 from ropeode.checking.diagnosis.rope_forces import (
@@ -193,20 +193,22 @@ def _confirmed(limit: _Observed, frames: int) -> list[Fit]:
         return _exact_motion(limit.problem, terms, samples, steps)
 
     every = Fitting(motion, limit.states, limit.uncertainty)
-    for first in Fitting(motion, limit.states, beginning).explaining(_groups_of(limit.problem)):
-        before = {fit.groups: fit for fit in first}
+    for first in Fitting(motion, limit.states, beginning).explaining(_changes_of(limit.problem)):
+        before = {fit.changes: fit for fit in first}
         confirmed = [
             fit
             for fit in every.refined(first)
             if fit.explains
             if np.all(
-                np.abs(fit.changes - before[fit.groups].changes)
-                <= fit.spread + before[fit.groups].spread
+                np.abs(fit.sizes - before[fit.changes].sizes)
+                <= fit.spread + before[fit.changes].spread
             )
         ]
         if confirmed:
             # The simplest numbers come first.
-            return sorted(confirmed, key=lambda fit: sum(map(_digits, _simple(fit).values())))
+            return sorted(
+                confirmed, key=lambda fit: sum(_digits(each.value) for each in _numbers(fit))
+            )
     return []
 
 
@@ -256,36 +258,48 @@ def _exact_motion(problem: Problem, terms: Terms, samples: int, steps: int) -> n
     return np.moveaxis(np.stack(states), 2, 0)
 
 
-def _groups_of(problem: Problem) -> list[Group]:
+def _changes_of(problem: Problem) -> list[Change]:
     """The terms of a rope with springs that can be told from each other."""
     args, (_, v0) = problem.args, problem.y0
+    axes, gravity = [*AXES[: len(v0)]], np.abs(np.ravel(args.gravity))
     span = float(problem.ts[-1] - problem.ts[0])
     length = float(np.mean(args.rest_length)) or problem.scale
-    rate, pull = float(np.mean(args.mass)) / span, float(np.linalg.norm(args.gravity))
+    rate, pull = float(np.mean(args.mass)) / span, float(np.linalg.norm(gravity))
     damping = np.asarray(args.damping)
-    along = {
-        name: tuple(f"{name}_{axis}" for axis in AXES[: len(v0)])
-        for name in ("gravity", "velocity")
-    }
-    scaled = ["spring", "rest", "forces", "first_ends", "second_ends", "all"]
-    groups = [Group(along["gravity"], pull or length / span**2)]
-    scaled += ["gravity"] if pull else []
-    if np.any(v0):
-        scaled.append("velocity")
-    else:
-        groups.append(Group(along["velocity"], length / span))
+    factors = ["spring", "rest", "forces", "first_ends", "second_ends", "all"]
+    moving = [] if np.any(v0) else [Change((f"velocity_{axis}",), length / span) for axis in axes]
+    factors += [] if moving else ["velocity"]
+    if pull:
+        factors.append("gravity")
+        # Along the axis of the largest component the factor says it.
+        del axes[int(np.argmax(gravity))]
     if np.any(damping):
-        groups.append(Group(("damping",), max(rate / float(np.mean(np.abs(damping))), 1.0)))
+        moving.append(Change(("damping",), max(rate / float(np.mean(np.abs(damping))), 1.0)))
     # Equal dampings are changed by a factor.
     further = ["further"] if np.ptp(damping) or not np.any(damping) else []
-    groups += [Group((name,), rate) for name in ("dashpot", "per_spring", *further)]
-    return [*(Group((name,)) for name in scaled), *groups]
+    return [
+        *(Change((name,)) for name in factors),
+        *moving,
+        *(Change((f"gravity_{axis}",), pull or length / span**2) for axis in axes),
+        *(Change((name,), rate) for name in ("dashpot", "per_spring", *further)),
+    ]
 
 
-def _simple(fit: Fit) -> dict[str, float]:
-    """The value of each term that a fit changed, as the shortest number that its spread allows."""
-    spreads = fit.spreads()
-    return {name: shortest(value, spreads[name]) for name, value in fit.values().items()}
+class _Number(NamedTuple):
+    """The value of a term, as the shortest number that its spread allows."""
+
+    name: str
+    value: float
+    spread: float
+
+
+def _numbers(fit: Fit) -> list[_Number]:
+    """Those that a fit changed."""
+    every = zip(fit.changes, fit.values, fit.spread.tolist(), strict=True)
+    return [
+        _Number(change.terms[0], shortest(value, change.unit * off), change.unit * off)
+        for change, value, off in every
+    ]
 
 
 def _digits(value: float) -> int:
@@ -299,7 +313,9 @@ def _diagnosis(limit: _Observed, fits: Sequence[Fit]) -> Diagnosis:
         limit: of its runs.
         fits: ropes between which the runs cannot decide, at least one.
     """
-    words = [" and ".join(_words(limit.problem, fit)) for fit in fits]
+    words = [
+        " and ".join(wrong_term(limit.problem, *number) for number in _numbers(fit)) for fit in fits
+    ]
     unsaid = len(fits) - _MOST_SAID
     line = f"your stepper solves, to {limit.orders_in_words}, another rope: "
     line += "; or, which these runs cannot tell apart, ".join(words[:_MOST_SAID])
@@ -311,30 +327,20 @@ def _diagnosis(limit: _Observed, fits: Sequence[Fit]) -> Diagnosis:
         "misfit": fits[0].misfit,
     }
     # Which of several changes is meant nobody knows.
-    remedies = [TERMS[name].remedy for name in _simple(fits[0]) if len(fits) == 1]
+    remedies = [TERMS[number.name].remedy for number in _numbers(fits[0]) if len(fits) == 1]
     return Diagnosis("parameters", line, evidence, "; ".join(dict.fromkeys(remedies)))
-
-
-def _words(problem: Problem, fit: Fit) -> list[str]:
-    spreads = fit.spreads()
-    return [
-        wrong_term(problem, name, value, spreads[name])
-        for name, value in _simple(fit).items()
-        if value != TERMS[name].expected
-    ]
 
 
 def _terms_of(fit: Fit) -> list[dict[str, Any]]:
     """The terms that a fit changed, as evidence."""
-    spreads = fit.spreads()
     return [
         {
-            "term": TERMS[name].name,
-            "expected": TERMS[name].expected,
-            "found": value,
-            "spread": spreads[name],
+            "term": TERMS[number.name].name,
+            "expected": TERMS[number.name].expected,
+            "found": number.value,
+            "spread": number.spread,
         }
-        for name, value in _simple(fit).items()
+        for number in _numbers(fit)
     ]
 
 
