@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 
@@ -63,24 +64,20 @@ def more_runs(
     words = f"the positions agree with those of {listed(names)}; " if same else ""
     # Runs with few digits have to be made again.
     exact = all(np.all(run.rounding == 0.0) for run in finite(runs))
-    found = _fewest(
-        reference, runs if exact else (), same, steps_per_frame(runs), _windows(runs), expected
-    )
-    if found is not None:
-        steps, orders = found
-        write = "" if exact else "write 17 digits, and "
-        shows = _orders_in_words(names, orders)
-        return f"{words}{write}add {_in_words(steps)}, with which {shows}"
+    for steps in _windows(runs) if same else ():
+        shown_by = (
+            _order(reference, runs if exact else (), actor, steps_per_frame(runs), steps, expected)
+            for actor in same
+        )
+        orders = [*itertools.takewhile(lambda order: order is not None, shown_by)]
+        if len(orders) == len(same):
+            write = "" if exact else "write 17 digits, and "
+            each = listed(dict.fromkeys(f"{order:.2f}" for order in orders))
+            who = "they show" if len(same) > 1 else "it shows"
+            return f"{words}{write}add {_in_words(steps)}, with which {who} order {each}"
     if "unstable" in unstable_steps(reference, convergence):
         return words + advice(reference.problem, claims, runs[-1].dt)
     return words + _from_reasons(convergence, runs)
-
-
-def _orders_in_words(names: Sequence[str], orders: Sequence[float]) -> str:
-    each = [f"{order:.2f}" for order in orders]
-    if len(set(each)) == 1:
-        return f"{'they show' if len(names) > 1 else 'it shows'} order {each[0]}"
-    return f"they show the orders {listed(each)}"
 
 
 def _in_words(steps: Sequence[int]) -> str:
@@ -123,43 +120,6 @@ def _windows(runs: Sequence[Run]) -> list[tuple[int, ...]]:
     return windows(finer, sorted(coarser)) + windows(sorted(between))
 
 
-def _fewest(
-    reference: Reference,
-    runs: Sequence[Run],
-    actors: Sequence[Actor],
-    counts: Sequence[int],
-    windows: Sequence[tuple[int, ...]],
-    expected: int | None,
-) -> tuple[tuple[int, ...], list[float]] | None:
-    """The first further runs with which each actor shows an order, and these orders in positions.
-
-    Clear orders are preferred: a program may differ a little from the actor.
-
-    Arguments:
-        reference: of the problem.
-        runs: of the program; none where the actors make these, too.
-        actors: in its place.
-        counts: the steps per frame that there are already.
-        windows: those of the further runs, in the order in which they are tried.
-        expected: the order that is claimed.
-    """
-    unclear = None
-    for steps in windows if actors else ():
-        orders: list[tuple[float, tuple[float, float]]] = []
-        for actor in actors:
-            order = _order(reference, runs, actor, counts, steps, expected)
-            if order is None:
-                break
-            orders.append(order)
-        else:
-            found = steps, [observed for observed, _ in orders]
-            intervals = [interval for _, interval in orders]
-            if all(high - low <= _NARROW * high for low, high in intervals):
-                return found
-            unclear = unclear or found
-    return unclear
-
-
 def _order(
     reference: Reference,
     runs: Sequence[Run],
@@ -167,26 +127,32 @@ def _order(
     counts: Sequence[int],
     steps: Sequence[int],
     expected: int | None,
-) -> tuple[float, tuple[float, float]] | None:
-    """The order in positions that an actor shows with further runs, and its interval.
+) -> float | None:
+    """The order in positions that an actor clearly shows with further runs; None if it does not.
 
-    None if some quantity shows no order.
+    Arguments:
+        reference: of the problem.
+        runs: of the program; none where the actor makes these, too.
+        actor: in its place.
+        counts: the steps per frame that there are already.
+        steps: those of the further runs.
+        expected: the order that is claimed.
     """
-    further = [run for n in steps if (run := actor.run(n)) is not None]
-    if len(further) < len(steps):
+    further = [actor.run(n) for n in steps]
+    own = runs or [actor.run(n) for n in counts]
+    made = [run for run in (*own, *further) if run is not None]
+    if any(run is None for run in further):
         return None
-    own = runs or [run for n in counts if (run := actor.run(n)) is not None]
-    finding, _ = order_finding(
-        reference, sorted([*own, *further], key=lambda run: -run.dt), expected
-    )
+    finding, _ = order_finding(reference, sorted(made, key=lambda run: -run.dt), expected)
     if finding.status == "undetermined" or finding.convergence is None:
         return None
     if not _shows_an_order(finding.convergence):
         return None
     order = finding.convergence.orders[reference.problem.quantities[0]]
-    assert order.observed is not None
     assert order.ci95 is not None
-    return order.observed, order.ci95
+    low, high = order.ci95
+    # A program may differ a little from the actor.
+    return order.observed if high - low <= _NARROW * high else None
 
 
 def _shows_an_order(convergence: Convergence) -> bool:
