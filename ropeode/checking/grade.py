@@ -22,6 +22,7 @@ from ropeode.checking.trajectories.convergence import order_finding
 from ropeode.checking.trajectories.departures import departure
 from ropeode.checking.trajectories.explanations import (
     Explanation,
+    at_samples_of,
     explain,
     explain_columns,
 )
@@ -228,7 +229,7 @@ class _Causes:
                 yield departs
             written = explain(reference, known, self.files, coarse=wrong)
             if written is not None and not written.like_another_problem:
-                yield _of_files(written)
+                yield _of_files(reference, written)
             certified = functools.partial(reference_for, options=self.options)
             if (other := other_rope(reference, known, certified)) is not None:
                 yield other
@@ -264,7 +265,7 @@ class _Causes:
         if written is None:
             return _with_what_is_right(solved, order)
         if solved.cause == "unknown":
-            solved = _of_files(written)
+            solved = _of_files(reference, written)
             also = "the program solves the problem with that change, which is the same"
         else:
             also = f"which is the same in the files, {written.line}"
@@ -367,11 +368,12 @@ def _is_unintended(late: Diagnosis, order: Finding) -> bool:
     )
 
 
-def _of_files(written: Explanation) -> Diagnosis:
+def _of_files(reference: Reference, written: Explanation) -> Diagnosis:
     """The diagnosis that a program solves the problem, and writes it wrongly."""
     evidence = {"read_so": written.agreement}
     line, remedy = written.line, written.fix
-    if (late := late_samples(written.reference, written.runs)) is not None:
+    sampled = at_samples_of(reference, written.runs[0].problem)
+    if (late := late_samples(sampled, written.runs)) is not None:
         line += f". Moreover, {late.line}"
         remedy = "; ".join(filter(None, (remedy, late.remedy)))
         evidence |= late.evidence

@@ -59,7 +59,6 @@ class Explanation:
         fix: how to mend it.
         agreement: what the files show if they are read so.
         runs: as they should have been written.
-        reference: at their samples.
         like_another_problem: whether another problem with the same initial state moves so, too.
     """
 
@@ -68,7 +67,6 @@ class Explanation:
     fix: str
     agreement: str
     runs: tuple[Run, ...]
-    reference: Reference
     like_another_problem: bool = False
 
     @property
@@ -102,10 +100,7 @@ def explain_columns(
     moves = found is not None and same_start and _moves_positions(found.runs[-1], runs[-1])
     if found is None and begins_right(runs, slice(None)):
         found = _simplest(states, runs, agreement, after=1)
-    if found is None:
-        return None
-    every = (found.words, found.fix, found.evidence, found.runs, reference)
-    return Explanation("columns", *every, like_another_problem=moves)
+    return found and dataclasses.replace(found, like_another_problem=moves)
 
 
 def _moves_positions(undone: Run, run: Run) -> bool:
@@ -200,15 +195,6 @@ def _is_near(samples: Samples, values: np.ndarray) -> bool:
     return bool(np.sum(off**2) <= _LEFT_OVER**2 * np.sum(way**2))
 
 
-class _Found(NamedTuple):
-    """The runs as they should have been written, their mistakes, and what they show."""
-
-    runs: tuple[Run, ...]
-    words: str
-    fix: str
-    evidence: str
-
-
 def _simplest(
     states: np.ndarray,
     runs: Sequence[Run],
@@ -216,7 +202,7 @@ def _simplest(
     after: int = 0,
     *,
     shifts: bool = False,
-) -> _Found | None:
+) -> Explanation | None:
     """The fewest mistakes for which there is evidence if they are undone.
 
     Arguments:
@@ -257,7 +243,7 @@ def _simplest(
                 reading, undone, shown = found[0]
                 fix = "; ".join(one.fix for one in reading.mistakes)
                 text = f"after the first row, {words}" if after else words
-                return _Found(undone, text, fix, shown)
+                return Explanation("columns", text, fix, shown, undone)
             tried = sorted(longer, key=lambda reading: reading.left)[:_MOST_READINGS]
     return None
 
@@ -338,7 +324,7 @@ def _explained(
     runs = finite(sorted(read, key=lambda run: -run.dt))
     if len(runs) < files.fewest or len({run.quantities for run in runs}) > 1:
         return None
-    reference = certified() if clock.ends else _without_last(certified(), shown)
+    reference = at_samples_of(certified(), shown)
 
     def is_better(runs: Sequence[Run]) -> bool:
         if not as_written:
@@ -349,7 +335,7 @@ def _explained(
     if is_better(runs):
         agreement = _agreement(reference, runs, coarse=coarse)
         if agreement is not None:
-            return Explanation("times", clock.words, clock.fix, agreement, runs, reference)
+            return Explanation("times", clock.words, clock.fix, agreement, runs)
     columns = explain_columns(reference, runs, coarse=coarse) if clock.begins else None
     if columns is None or not is_better(columns.runs):
         return None
@@ -357,8 +343,8 @@ def _explained(
     return dataclasses.replace(columns, cause="times", words=words, fix=fix)
 
 
-def _without_last(reference: Reference, problem: Problem) -> Reference:
-    """The reference of a problem with one sample less."""
+def at_samples_of(reference: Reference, problem: Problem) -> Reference:
+    """The reference of a problem that may have one sample less."""
     trusted = min(reference.trusted, len(problem.ts))
     return dataclasses.replace(
         reference,
