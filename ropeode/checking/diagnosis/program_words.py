@@ -9,10 +9,10 @@ import numpy as np
 from ropeode.checking.diagnosis.methods import MISTAKEN
 from ropeode.checking.diagnosis.programs import (
     KEPT,
+    Changed,
     Program,
     Runs,
     Unforced,
-    power,
     programs_of,
     unforced_nodes,
 )
@@ -72,9 +72,9 @@ def diagnose_program(
         nodes = (*unforced.still, *unforced.drifting)
         return Diagnosis(*_fixed(unforced)[:2], {"nodes": nodes}, _PINS) if nodes else None
     program, *others = programs
-    if program.changed == ("damping",):
+    if _terms(program) == ["damping"]:
         # Any damping can be said as a further one.
-        others = [each for each in others if each.changed != ("further",)]
+        others = [each for each in others if _terms(each) != ["further"]]
     misfit = f"to {program.misfit:.1g} of the motion" if program.misfit else "exactly"
     same = f"{misfit}, over the first {program.frames} frames"
     if program.alike:
@@ -101,14 +101,11 @@ def diagnose_program(
     words = "; or, which moves the same, ".join(every)
     evidence = {
         "method": program.method.name,
-        "terms": [
-            term for known in programs for change in known.changes for term in _terms_of(change)
-        ],
-        "dts": [*program.found],
+        "terms": [term for each in programs for term in _evidence(each)],
         "frames": program.frames,
         "misfit": program.misfit,
     }
-    several = program.also or len(program.mistakes) > 1
+    several = len(program.changes) + len(program.mistakes) > 1
     change = "these changes" if several else "this change"
     line = (
         f"{words}. With {change}, {program.method.name} reproduces the positions in the files "
@@ -117,15 +114,25 @@ def diagnose_program(
     return Diagnosis(cause, line, evidence, remedy)
 
 
-def _terms_of(change: Program) -> list[dict[str, Any]]:
-    """The terms that one change is about, as evidence."""
-    if change.mistakes:
-        return [{"term": TERMS[e.kind].name, "mistake": e.words} for e in change.mistakes]
-    found = [*change.found.values()]
-    return [
-        {"term": TERMS[name].name, "expected": TERMS[name].expected, "found": found}
-        for name in change.changed
+def _terms(program: Program) -> list[str]:
+    """The names of the terms that are changed."""
+    return [name for change in program.changes for name in change.terms]
+
+
+def _evidence(program: Program) -> list[dict[str, Any]]:
+    """The terms that are changed, or known mistakes."""
+    mistakes = [{"term": TERMS[e.kind].name, "mistake": e.words} for e in program.mistakes]
+    changes = [
+        {
+            "term": TERMS[name].name,
+            "expected": TERMS[name].expected,
+            "found": [*change.found.values()],
+            "dts": [*change.found],
+        }
+        for change in program.changes
+        for name in change.terms
     ]
+    return mistakes + changes
 
 
 def _order(order: int | str) -> str:
@@ -177,40 +184,31 @@ def _said(program: Program, problem: Problem) -> tuple[str, str, str]:
     for known in program.mistakes:
         term = TERMS[known.kind]
         mistakes.append(("parameters", f"{term.name} {known.words}", term.remedy))
-    if program.changed and not program.mistakes:
-        mistakes += [_changed(each, problem) for each in program.changes]
+    mistakes += [_changed(each, problem) for each in program.changes]
     causes, words, remedies = zip(*mistakes, strict=True)
     # The line about what reproduces the positions names its slip.
     slip = program.method.remedy if program.method in MISTAKEN else ""
     return causes[0], "; and ".join(words), "; ".join(filter(None, (*remedies, slip)))
 
 
-def _changed(program: Program, problem: Problem) -> tuple[str, str, str]:
+def _changed(change: Changed, problem: Problem) -> tuple[str, str, str]:
     """The same of terms with another number."""
-    values, exponent = np.array([*program.found.values()]), power(program) or 0.0
-    value = float(values[0])
+    values, exponent, name = np.array([*change.found.values()]), change.power, change.terms[0]
+    value, term = float(values[0]), TERMS[name]
     if exponent == 0.0:
-        size = max(abs(value), abs(TERMS[program.changed[0]].expected))
+        size = max(abs(value), abs(term.expected))
         value = shortest(value, max(float(np.ptp(values)), _PRECISION * size))
-        if program.changed in _MISTAKES:
-            cause, words, remedy = _MISTAKES[program.changed]
+        if change.terms in _MISTAKES:
+            cause, words, remedy = _MISTAKES[change.terms]
             return cause, words.format(f"{value:g}"), remedy
-    if program.changed[0] in KEPT and exponent == 1.0:
-        rate, what = (1.0 - value) / next(iter(program.found)), "rate"
+        return "parameters", wrong_term(problem, name, value), term.remedy
+    assert exponent is not None
+    if name in KEPT:
+        rate, what = (1.0 - value) / next(iter(change.found)), "rate"
         if has_rope_forces(problem):
             rate, what = rate * float(np.mean(problem.args.mass)), "coefficient"
         words = f"there is a further damping, of {what} {rate:.4g}"
         return "parameters", words, TERMS["further"].remedy
-    return _by_power(program, problem, value, exponent)
-
-
-def _by_power(
-    program: Program, problem: Problem, value: float, exponent: float
-) -> tuple[str, str, str]:
-    name = program.changed[0]
-    term = TERMS[name]
-    if exponent == 0.0:
-        return "parameters", wrong_term(problem, name, value), term.remedy
     if exponent < 0.0 and "damping" in term.name:
         return "damping-per-step", _PER_STEP.format(f"{term.name} acts once per step"), _SCALE
     return "step-size", by_power(name, exponent), term.remedy

@@ -119,48 +119,79 @@ class Unforced(NamedTuple):
     drifting: tuple[int, ...]
 
 
+class Changed(NamedTuple):
+    """Terms that have another value than in a right program.
+
+    Fields:
+        terms: of `TERMS`.
+        found: their value in each run, by step size.
+    """
+
+    terms: tuple[str, ...]
+    found: dict[float, float]
+
+    @property
+    def power(self) -> float | None:
+        """To which power of dt the terms are changed.
+
+        0 for a change that is the same at all step sizes, 1 for a factor that is proportional to
+        dt, and so on; None if it follows no power, or vanishes with dt as the error of a method
+        does, which is no mistake.
+        """
+        dts, values = (np.array(each) for each in zip(*self.found.items(), strict=True))
+        expected = TERMS[self.terms[0]].expected
+        change = values - expected
+        if self.terms[0] in KEPT:
+            candidates = [(0.0, change), (1.0, change)]
+        elif expected == 0.0:
+            candidates = [(0.0, change), (-1.0, change)]
+        else:
+            candidates = [(0.0, change), *((exponent, values) for exponent in (1.0, -1.0, 2.0))]
+        for exponent, numbers in candidates:
+            scaled = numbers / dts**exponent
+            if np.max(np.abs(scaled - scaled[0])) <= _ALIKE * np.abs(scaled[0]):
+                return exponent
+        return None
+
+
 class Program(NamedTuple):
     """A program that computes the positions in the files.
 
     Fields:
         method: that it has.
-        changed: its terms that differ from the right ones; none if it is right.
-        found: the value of the changed terms in each run, by step size.
         misfit: the largest difference of positions, as a part of the motion.
         frames: in which they agree.
+        changes: of its terms; none if it is right.
         unforced: the nodes that no force moves, though it should.
         forgets_velocity: whether it begins at rest, and should not.
         extra: the first frame in which it makes a step too many, by step size.
         single: whether lengths in single precision explain the difference.
-        mistakes: known ones that change these terms, in place of a number that was found.
-        also: the same with a second change.
+        mistakes: known ones, in place of changes by a number.
         alike: the methods that compute the same here, if they have different orders: then nothing
             is known of the method.
     """
 
     method: Method
-    changed: tuple[str, ...]
-    found: dict[float, float]
     misfit: float
     frames: int
+    changes: tuple[Changed, ...] = ()
     unforced: Unforced = Unforced((), ())
     forgets_velocity: bool = False
     extra: dict[float, int] = {}  # noqa: RUF012  (nobody changes it)
     single: bool = False
     mistakes: tuple[KnownMistake, ...] = ()
-    also: Program | None = None
     alike: tuple[str, ...] = ()
 
     @property
     def is_right(self) -> bool:
         """Whether nothing in it is wrong."""
         wrong = any(self.unforced) or self.forgets_velocity or self.extra or self.single
-        return not (self.changed or self.mistakes or wrong)
+        return not (self.changes or self.mistakes or wrong)
 
     @property
-    def changes(self) -> tuple[Program, ...]:
-        """The same with one change in each."""
-        return (self, self.also) if self.also else (self,)
+    def power(self) -> float | None:
+        """That of a change; 0 if there is none, or several, which are the same at all steps."""
+        return self.changes[0].power if len(self.changes) == 1 else 0.0
 
 
 class _Run:
@@ -439,11 +470,11 @@ def programs_of(
             found: list[Program] = []
             for method in of:
                 found += search(method)
-                if any(power(each) == 0.0 for each in found if not each.is_right):
+                if any(each.power == 0.0 for each in found if not each.is_right):
                     break
-            powers = [each for each in found if power(each) is not None]
+            powers = [each for each in found if each.power is not None]
             if powers:
-                simple = [each for each in powers if power(each) == 0.0] or powers[:1]
+                simple = [each for each in powers if each.power == 0.0] or powers[:1]
                 if simple[0].is_right:
                     simple = [_of_methods(simple, damped=problem_class(problem).damped)]
                 return tuple(_named(each, problem, unforced) for each in simple)
@@ -504,32 +535,6 @@ def _on_lines(
     return tuple(np.flatnonzero(np.all(np.array(found) <= same, axis=0) & (right > off)).tolist())
 
 
-def power(program: Program) -> float | None:
-    """To which power of dt a term is changed.
-
-    Returns:
-        0 for a change that is the same at all step sizes, 1 for a factor that is proportional to
-        dt, and so on; None if it follows no power, or vanishes with dt as the error of a method
-        does, which is no mistake.
-    """
-    if not program.changed or program.mistakes:
-        return 0.0
-    name = program.changed[0]
-    dts, values = (np.array(each) for each in zip(*program.found.items(), strict=True))
-    change = values - TERMS[name].expected
-    if name in KEPT:
-        candidates = [(0.0, change), (1.0, change)]
-    elif TERMS[name].expected == 0.0:
-        candidates = [(0.0, change), (-1.0, change)]
-    else:
-        candidates = [(0.0, change), *((exponent, values) for exponent in (1.0, -1.0, 2.0))]
-    for exponent, numbers in candidates:
-        scaled = numbers / dts**exponent
-        if np.max(np.abs(scaled - scaled[0])) <= _ALIKE * np.abs(scaled[0]):
-            return exponent
-    return None
-
-
 def _programs(
     method: Method,
     guesses: Sequence[_Guess],
@@ -562,17 +567,18 @@ def _programs(
         different.setdefault((guess.changes, *said), (guess, misfit))
     found = []
     for guess, misfit in different.values():
-        program = _followed(Program(method, (), {}, misfit, runs[0].frames), guess, runs, counts)
-        if program is not None:
-            found.append(program._replace(extra=extra, mistakes=guess.mistakes))
+        changes = _followed(method, guess, runs, counts)
+        if changes is not None:
+            program = Program(method, misfit, runs[0].frames, changes, extra=extra)
+            found.append(program._replace(mistakes=guess.mistakes))
     return found
 
 
 def _followed(
-    program: Program, guess: _Guess, runs: Sequence[_Run], counts: Sequence[np.ndarray]
-) -> Program | None:
-    """A program with the values of a guess at each step size; None if it computes not all runs."""
-    method, guesses = program.method, [guess]
+    method: Method, guess: _Guess, runs: Sequence[_Run], counts: Sequence[np.ndarray]
+) -> tuple[Changed, ...] | None:
+    """The values of a guess at each step size; None if it does not compute all runs."""
+    guesses = [guess]
     for run, before, count in zip(runs[1:], runs, counts[1:], strict=False):
         starts = [guesses[-1]]
         if len(guess.changes) == 1:
@@ -593,11 +599,10 @@ def _followed(
             return None
         guesses.append(agreeing[0][0])
     dts = [run.dt for run in runs]
-    first, *others = [
-        program._replace(changed=change.terms, found=dict(zip(dts, values, strict=True)))
+    return tuple(
+        Changed(change.terms, dict(zip(dts, values, strict=True)))
         for change, *values in zip(guess.changes, *(each.found for each in guesses), strict=True)
-    ] or [program._replace(found=dict.fromkeys(dts, math.nan))]
-    return first._replace(also=others[0]) if others else first
+    )
 
 
 def _with_two_changes(
@@ -616,18 +621,9 @@ def _with_two_changes(
     # Where the right program grows without bound, no step leads from it to another one.
     base = next(run for run, far in zip(short, apart, strict=True) if far <= _GROWN * min(apart))
     runs = [base, *(run for run in runs if run is not base)]
-    counts = [run.by_number() for run in runs]
-    (pairs,) = base.fitting(method, counts[0]).explaining(changes, (2,), _ITERATIONS)
-    found = (
-        _followed(
-            Program(method, (), {}, fit.misfit * base.same, base.frames),
-            _Guess.fitted(fit),
-            runs,
-            counts,
-        )
-        for fit in pairs
-    )
-    return [program for program in found if program is not None]
+    fitting = base.fitting(method, base.by_number())
+    (pairs,) = fitting.explaining(changes, (2,), _ITERATIONS)
+    return _programs(method, [_Guess.fitted(fit) for fit in pairs], runs, _Run.by_number)
 
 
 def _in_single(method: Method, runs: Sequence[_Run]) -> list[Program]:
@@ -653,4 +649,4 @@ def _in_single(method: Method, runs: Sequence[_Run]) -> list[Program]:
     stays = ratio >= _APART and left[-1] >= left[0] / math.sqrt(ratio)
     if not stays or max(left) > _LARGEST:
         return []
-    return [Program(method, (), {}, max(left), runs[0].frames, single=True)]
+    return [Program(method, max(left), runs[0].frames, single=True)]
