@@ -506,33 +506,21 @@ def unforced_nodes(problem: Problem, runs: Runs, truth: np.ndarray) -> Unforced:
     """The nodes that forces move, and do so in no run; arguments as for `programs_of`."""
     if problem.mechanics is None:
         return Unforced((), ())
-    places = [problem.positions(states) for states in (truth, *(states for _, states in runs))]
-    way = np.max(np.abs(places[0] - places[0][0]))
-    still, drifting = (
-        _on_lines(problem, places, velocities, _STILL * way, same)
-        for velocities, same in (
-            (0.0, 0.0),
-            (problem.quantity(problem.quantities[1], problem.y0[None])[0], _SAME * way),
-        )
-    )
-    return Unforced(still, tuple(node for node in drifting if node not in still))
-
-
-def _on_lines(
-    problem: Problem, places: Sequence[np.ndarray], velocities: Any, off: float, same: float
-) -> tuple[int, ...]:
-    """The nodes that move with constant velocities in all runs, and should leave these lines.
-
-    Arguments:
-        problem: that they should solve.
-        places: the right ones and those of each run, ``(times, nodes, dim)``.
-        velocities: of the nodes, ``(nodes, dim)`` or a number.
-        off: how far from the line a node should come.
-        same: how close to it the runs stay.
-    """
-    lines = places[0][0] + (problem.ts - problem.ts[0])[:, None, None] * velocities
-    right, *found = (np.max(np.abs(each - lines[: len(each)]), axis=(0, 2)) for each in places)
-    return tuple(np.flatnonzero(np.all(np.array(found) <= same, axis=0) & (right > off)).tolist())
+    right, *places = (problem.positions(states) for states in (truth, *(each for _, each in runs)))
+    way, found = np.max(np.abs(right - right[0])), []
+    moving = problem.quantity(problem.quantities[1], problem.y0[None])[0]
+    # The velocities that nodes keep in all runs, how close these stay to such a line, and how far
+    # from it the solution comes.
+    for velocities, same, off in (
+        (np.zeros_like(moving), 0.0, _STILL * way),
+        (moving, _SAME * way, _SAME * way),
+    ):
+        lines = right[0] + (problem.ts - problem.ts[0])[:, None, None] * velocities
+        apart = [np.max(np.abs(each - lines[: len(each)]), axis=(0, 2)) for each in places]
+        left = np.max(np.abs(right - lines[: len(right)]), axis=(0, 2)) > off
+        found.append(np.flatnonzero(left & np.all(np.array(apart) <= same, axis=0)).tolist())
+    still, drifting = found
+    return Unforced((*still,), tuple(node for node in drifting if node not in still))
 
 
 def _programs(

@@ -42,27 +42,23 @@ def diagnose_start(expansions: Sequence[Expansion], expected: int) -> Diagnosis 
         )
         remedy = f"make the first steps by a method of order {expected - 1} or higher"
         return Diagnosis("start", line, {"order": order}, remedy)
-    evidence = {
-        "order": order,
-        **{
-            quantity: dict(zip(("velocity", "acceleration"), map(float, of), strict=True))
-            for quantity, of in (
-                ("positions", of_x.coefficients),
-                ("velocities", of_v.coefficients),
-            )
-        },
+    off = {
+        quantity: dict(zip(("velocity", "acceleration"), of.coefficients.tolist(), strict=True))
+        for quantity, of in (("positions", of_x), ("velocities", of_v))
     }
+    evidence = {"order": order, **off}
     dt = f" dt^{order}" if order > 1 else " dt" if order else ""
-    small = _CLOSE * max(float(np.max(np.abs(each.coefficients))) for each in (of_x, of_v))
+    small = _CLOSE * max(abs(value) for of in off.values() for value in of.values())
     texts = [
         f"{quantity} are off by {value:.3g}{dt} times the {name}"
-        for quantity in ("positions", "velocities")
-        for name, value in evidence[quantity].items()
+        for quantity, of in off.items()
+        for name, value in of.items()
         if abs(value) > small
     ]
     if _is_handed_out(expansions, order):
-        late = {"positions": of_x.coefficients[0], "velocities": of_v.coefficients[1]}
         if order == 1:
+            late = {"positions": off["positions"]["velocity"]}
+            late["velocities"] = off["velocities"]["acceleration"]
             texts = [
                 f"{quantity} are those of {abs(by):.3g} dt {'later' if by > 0 else 'earlier'}"
                 for quantity, by in late.items()
