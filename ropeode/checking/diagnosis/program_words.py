@@ -123,16 +123,16 @@ def _evidence(program: Program) -> list[dict[str, Any]]:
     """The terms that are changed, or known mistakes."""
     mistakes = [{"term": TERMS[e.kind].name, "mistake": e.words} for e in program.mistakes]
     changes = [
-        {
-            "term": TERMS[name].name,
-            "expected": TERMS[name].expected,
-            "found": [*change.found.values()],
-            "dts": [*change.found],
-        }
+        term_found(name, found=[*change.found.values()], dts=[*change.found])
         for change in program.changes
         for name in change.terms
     ]
     return mistakes + changes
+
+
+def term_found(name: str, **found: Any) -> dict[str, Any]:
+    """A term as evidence: what it should be, and what was found."""
+    return {"term": TERMS[name].name, "expected": TERMS[name].expected, **found}
 
 
 def _order(order: int | str) -> str:

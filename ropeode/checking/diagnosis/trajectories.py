@@ -10,7 +10,7 @@ import numpy as np
 from scipy.integrate import DOP853
 
 from ropeode.checking.diagnosis.fitted_terms import Change, Fit, Fitting
-from ropeode.checking.diagnosis.program_words import wrong_term
+from ropeode.checking.diagnosis.program_words import term_found, wrong_term
 from ropeode.checking.diagnosis.programs import Runs
 from ropeode.checking.diagnosis.rope_forces import (
     Forces,
@@ -333,15 +333,7 @@ def _diagnosis(limit: _Observed, fits: Sequence[Fit]) -> Diagnosis:
 
 def _terms_of(fit: Fit) -> list[dict[str, Any]]:
     """The terms that a fit changed, as evidence."""
-    return [
-        {
-            "term": TERMS[number.name].name,
-            "expected": TERMS[number.name].expected,
-            "found": number.value,
-            "spread": number.spread,
-        }
-        for number in _numbers(fit)
-    ]
+    return [term_found(name, found=value, spread=spread) for name, value, spread in _numbers(fit)]
 
 
 def _unknown(line: str) -> Diagnosis:
