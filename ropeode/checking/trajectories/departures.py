@@ -315,21 +315,7 @@ def _diagnosis(
         f"{who} from them by up to {apart:.2g} of the motion, {of}, and not by the growth of "
         "rounding: "
     )
-    if written:
-        line += written
-    elif limits or resting:
-        words = [f"{name} is never {side} {value:g}" for name, side, value in limits[:_MOST_SAID]]
-        if resting:
-            few = len(resting) <= _MOST_SAID
-            who = f"node{'s' * (len(resting) > 1)} {listed(map(str, resting))}"
-            who = who if few else f"{len(resting)} nodes"
-            words.append(f"{who} {'is' if len(resting) == 1 else 'are'} at rest")
-        line += f"in these files {listed(words)}, as nothing in the problem demands"
-    else:
-        line += (
-            "something acts there that is not in the problem, such as a floor, a largest speed or "
-            "a threshold, or a part of it ceases to act"
-        )
+    line += written or _acting(limits, resting)
     evidence = {
         "methods": [*names],
         "misfit": misfit,
@@ -341,6 +327,23 @@ def _diagnosis(
         "limits": [{"quantity": a, "never": b, "value": c} for a, b, c in limits],
     }
     return Diagnosis("departure", line, evidence, _REWRITE if written else _REMEDY)
+
+
+def _acting(limits: Sequence[tuple[str, str, float]], resting: Sequence[int]) -> str:
+    """What acts from the departure on, as far as limits and nodes at rest show it."""
+    words = [f"{name} is never {side} {value:g}" for name, side, value in limits[:_MOST_SAID]]
+    if len(resting) == 1:
+        words.append(f"node {resting[0]} is at rest")
+    elif resting:
+        few = len(resting) <= _MOST_SAID
+        nodes = f"nodes {listed(resting)}" if few else f"{len(resting)} nodes"
+        words.append(f"{nodes} are at rest")
+    if words:
+        return f"in these files {listed(words)}, as nothing in the problem demands"
+    return (
+        "something acts there that is not in the problem, such as a floor, a largest speed or "
+        "a threshold, or a part of it ceases to act"
+    )
 
 
 def _written(found: Sequence[_Departure]) -> str | None:

@@ -241,13 +241,20 @@ def _step_sizes_in_names(
         return None, str(error)
     if given is None:
         return [frame / n for n in steps], ""
-    try:
-        named = _by_names(steps, given, frame)
-    except ValueError as error:
+    # The step sizes in the order that the names ask for.
+    named = np.sort(given)[np.argsort(np.argsort(-np.array(steps)))]
+    if _are_all(named * steps, frame):
+        return (None if named.tolist() == given else named.tolist()), ""
+    one_over, proportional = np.multiply(given, steps), np.divide(given, steps)
+    as_given = _are_all(one_over, one_over[0]) or _are_all(proportional, proportional[0])
+    if _are_all(named * steps, float(named[0] * steps[0])) and not as_given:
         names = ", ".join(path.name for path in paths)
-        allowed = f"step sizes in the order of the files {names} ({error})"
-        raise bad_value("dt", given, allowed, "sort them as the files") from None
-    return (None if named == given else named), ""
+        allowed = (
+            f"step sizes in the order of the files {names} (in another order, they would be "
+            "proportional to one over the number)"
+        )
+        raise bad_value("dt", given, allowed, "sort them as the files")
+    return None, ""
 
 
 def _step_sizes(
@@ -352,34 +359,7 @@ def _steps_in(paths: Sequence[Path]) -> list[int]:
     return steps
 
 
-def _by_names(steps: Sequence[int], dts: Sequence[float], frame: float) -> list[float] | None:
-    """Step sizes in the order of the files, whose names say how many steps are in a frame.
-
-    Arguments:
-        steps: that the name of each file says.
-        dts: the step sizes in any order.
-        frame: the length of a frame.
-
-    Returns:
-        The step size of each file; None if they are not those that the names say.
-
-    Raises:
-        ValueError: names and step sizes fit in another order and in another unit of time.
-    """
-    order = np.argsort(np.argsort(-np.asarray(steps)))
-    sorted_by_names = np.sort(dts)[order]
-    if _constant(sorted_by_names * steps, frame):
-        return sorted_by_names.tolist()
-    ratio = float(sorted_by_names[0] * steps[0])
-    if _constant(sorted_by_names * steps, ratio) and not (
-        _constant(np.multiply(dts, steps), dts[0] * steps[0])
-        or _constant(np.divide(dts, steps), dts[0] / steps[0])
-    ):
-        raise ValueError("in another order, they would be proportional to one over the number")
-    return None
-
-
-def _constant(values: np.ndarray, value: float) -> bool:
+def _are_all(values: np.ndarray, value: float) -> bool:
     return bool(np.all(np.abs(values - value) <= _SAME * abs(value)))
 
 
