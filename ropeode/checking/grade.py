@@ -5,13 +5,14 @@ from __future__ import annotations
 import dataclasses
 import functools
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ropeode.analysis import ObservedOrder
 from ropeode.checking.claims import checked_claims
 from ropeode.checking.convergence import finest_is_unstable
 from ropeode.checking.diagnosis.rope_forces import has_rope_forces
@@ -251,12 +252,17 @@ class _Causes:
 
     def _of_the_limit(self, order: Finding, written: Explanation | None) -> Diagnosis:
         """What the runs solve instead of the problem; or files so written look the same."""
-        reference, orders = self.reference, {}
-        if order.convergence is not None:
-            orders = order.convergence.orders
+        # Not above: right programs do not need it.
+        from ropeode.checking.diagnosis.trajectories import diagnose_trajectories
+
+        reference, orders = self.reference, _orders(order)
         if self.program and all(each.verdict == "converges" for each in orders.values()):
             return self.program
-        solved = _solved(reference, self.known)
+        states = [(run.dt, run.states) for run in self.known]
+        with np.errstate(all="ignore"):  # Runs that blew up have huge numbers.
+            (solved,) = diagnose_trajectories(
+                reference.problem, reference, states, self.known[0].quantities
+            )
         if solved.cause == "unknown" and not has_rope_forces(reference.problem):
             # Of ropes the methods have been tried already.
             same = same_method(reference, self.known)
@@ -359,10 +365,16 @@ def _energy_finding(reference: Reference, runs: Sequence[Run]) -> Finding:
     return Finding("energy", "note", "; ".join(lines), evidence)
 
 
+def _orders(order: Finding) -> Mapping[str, ObservedOrder]:
+    """Those of each quantity, where any were observed."""
+    return {} if order.convergence is None else order.convergence.orders
+
+
 def _is_unintended(late: Diagnosis, order: Finding) -> bool:
     """Whether late samples lower the order: a method of order 1 may have such errors anyway."""
-    orders = {} if order.convergence is None else order.convergence.orders
-    others = [each.observed for name, each in orders.items() if name not in late.evidence["late"]]
+    others = [
+        each.observed for name, each in _orders(order).items() if name not in late.evidence["late"]
+    ]
     return late.evidence["late"] != ["position"] and all(
         observed is not None and observed > _MORE_THAN_FIRST for observed in others
     )
@@ -382,7 +394,7 @@ def _of_files(reference: Reference, written: Explanation) -> Diagnosis:
 
 def _with_what_is_right(diagnosis: Diagnosis, order: Finding) -> Diagnosis:
     """An unknown cause, with the quantities that converge to the solution if others do not."""
-    orders = {} if order.convergence is None else order.convergence.orders
+    orders = _orders(order)
     right = {name: each for name, each in orders.items() if each.verdict == "converges"}
     wrong = [name for name, each in orders.items() if each.verdict == "does not converge"]
     if diagnosis.cause != "unknown" or not right or not wrong:
@@ -390,20 +402,6 @@ def _with_what_is_right(diagnosis: Diagnosis, order: Finding) -> Diagnosis:
     words = " and ".join(f"{name} (order {each.observed:.2f})" for name, each in right.items())
     line = f"{diagnosis.line}. Only {' and '.join(wrong)} is wrong; right is {words}"
     return dataclasses.replace(diagnosis, line=line)
-
-
-def _solved(reference: Reference, runs: Sequence[Run]) -> Diagnosis:
-    """What the runs solve instead of the problem."""
-    # Not above: right programs do not need it.
-    from ropeode.checking.diagnosis.trajectories import diagnose_trajectories
-
-    problem, quantities = reference.problem, runs[0].quantities
-    states = [(run.dt, run.states.copy()) for run in runs]
-    if len(quantities) < len(problem.quantities):
-        for _, each in states:
-            each[:, 1] = np.nan
-    with np.errstate(all="ignore"):  # Runs that blew up have huge numbers.
-        return diagnose_trajectories(problem, reference, states, quantities)[0]
 
 
 def _notes(runs: Sequence[Run], reference: Reference, order: Finding) -> list[str]:

@@ -64,8 +64,8 @@ def diagnose_trajectories(
         problem: the problem that the program should solve.
         reference: of the problem.
         runs: step size and states ``(times, *state)`` of each; not-a-number from where it
-            diverged, and for quantities that the files lack.
-        quantities: of the problem, that the runs have.
+            diverged.
+        quantities: of the problem, that the runs have; the numbers of others do not count.
 
     Returns:
         One diagnosis; `unknown` if no change of terms explains the runs.
