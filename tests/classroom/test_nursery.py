@@ -24,7 +24,7 @@ class Harm(Asked):
     """Runs the code of a submission, without a check, which takes longer than what is tested."""
 
     refused, ahead = "refused", ()
-    limits = Limits(cpu=1.0, wall=8.0, memory=300.0 * MEBIBYTE)
+    limits = Limits(cpu=1.0, wall=8.0, memory=100.0 * MEBIBYTE)
 
     def report(self, where, folder, scratch, say):
         say("harm")
@@ -58,8 +58,8 @@ HARM = {
     "os.fork()\nwhile True: pass": ("out of time", "within 1 s of processor time, during 'harm'"),
     # What it starts counts too, but what they share counts once. And no more than needed: taking
     # memory costs processor time, of which it has a second.
-    "if os.fork() == 0: hoard = bytearray(5 * 2**26)\ntime.sleep(1000)": (
-        *("out of memory", "it needed more than 300 MiB of memory, during 'harm'"),
+    "if os.fork() == 0: hoard = bytearray(2**27)\ntime.sleep(1000)": (
+        *("out of memory", "it needed more than 100 MiB of memory, during 'harm'"),
     ),
     "for _ in range(3):\n if os.fork() == 0: time.sleep(1000)\ntime.sleep(0.5)": LIVES,
     # A signal takes its time.
