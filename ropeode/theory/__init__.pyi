@@ -32,6 +32,7 @@ from .rope_terms import TermPlace as TermPlace
 from .rope_terms import is_rope as is_rope
 from .solved_equation import SOLVES_ANOTHER as SOLVES_ANOTHER
 from .solved_equation import diagnose_equation as diagnose_equation
+from .solved_equation import where_off as where_off
 from .spectrum import SpectralLimit as SpectralLimit
 from .spectrum import Spectrum as Spectrum
 from .spectrum import spectral_limit as spectral_limit

@@ -535,31 +535,57 @@ def _free_nodes(expansions: Sequence[Expansion]) -> list[tuple[Expansion, int]]:
 
 def _unexplained(expansions: Sequence[Expansion], size: float, evidence: dict) -> Fault:
     """Where the acceleration is off, if nobody knows why."""
-    off = [
-        (node, float(np.max(np.abs(each.rate(0).value[:, 1, node]))))
-        for each, node in _free_nodes(expansions)
-    ]
-    largest = max(value for _, value in off) / size
-    nodes = sorted({node for node, value in off if value > _EXPLAINED * size})
-    evidence["difference"] = largest
-    evidence["nodes"] = nodes
-    every = {node for node, _ in off}
-    where = _only_where(expansions, _EXPLAINED * size)
-    if not where and {*nodes} != every:
-        where = f", at node {listed(nodes)} alone"
+    evidence["difference"] = (
+        max(
+            float(np.max(np.abs(each.rate(0).value[:, 1, node])))
+            for each, node in _free_nodes(expansions)
+        )
+        / size
+    )
     return Fault(
-        f"the acceleration is off by up to {largest:.2g} of its size{where}, and by no combination "
-        "of factors on the rope's own terms",
+        f"the acceleration is off by up to {evidence['difference']:.2g} of its size"
+        f"{where_off(expansions, 0, 1, _EXPLAINED * size)}, and by no combination of factors on "
+        "the rope's own terms",
         named=False,
     )
 
 
-def _only_where(expansions: Sequence[Expansion], least: float) -> str:
-    """In words, beyond which threshold nodes are off, if one number tells them from the others."""
-    off: list[np.ndarray] = []
+def where_off(expansions: Sequence[Expansion], order: int, half: int, least: float) -> str:
+    """In words, at which free nodes, along which axes or beyond what a term of the error is large.
+
+    The words are empty where it is so everywhere, or at pinned nodes alone.
+
+    Arguments:
+        expansions: of the step.
+        order: of the term.
+        half: 0 for positions, 1 for velocities.
+        least: what is large.
+    """
+    free = _free_nodes(expansions)
+    sizes = [np.abs(each.rate(order).value[:, half, node]) for each, node in free]
+    off = [np.max(size, axis=1) > least for size in sizes]
+    nodes = sorted({node for (_, node), there in zip(free, off, strict=True) if np.any(there)})
+    everywhere = nodes in ([], sorted({node for _, node in free}))
+    at_nodes = "" if everywhere else f", at node {listed(nodes)} alone"
+    # Beyond a threshold some states of a node are off, and others are not.
+    if at_nodes and all(np.all(there) for there in off if np.any(there)):
+        return at_nodes
+    if words := _only_where(free, np.concatenate(off)) or at_nodes:
+        return words
+    along = np.max(np.concatenate(sizes), axis=0) > least
+    axes = [axis for axis, there in zip("xyz", along, strict=False) if there]
+    return "" if len(axes) in (0, len(along)) else f", along {' and '.join(axes)} alone"
+
+
+def _only_where(free: Sequence[tuple[Expansion, int]], there: np.ndarray) -> str:
+    """In words, beyond which threshold nodes are off, if one number tells them from the others.
+
+    Arguments:
+        free: an expansion and a node, in turn.
+        there: whether it is off, at all states of these, one after the other.
+    """
     numbers: dict[str, list[np.ndarray]] = {}
-    for each, node in _free_nodes(expansions):
-        off.append(np.max(np.abs(each.rate(0).value[:, 1, node]), axis=1) > least)
+    for each, node in free:
         x, v = each.y[:, 0, node], each.y[:, 1, node]
         a = each.slopes[:, 1, node]
         force = each.problem.args.mass[node] * a
@@ -573,7 +599,6 @@ def _only_where(expansions: Sequence[Expansion], least: float) -> str:
         }
         for name, values in own.items():
             numbers.setdefault(name, []).append(values)
-    there = np.concatenate(off)
     if not _SOME <= np.sum(there) <= len(there) - _SOME:
         return ""
     for name, parts in numbers.items():

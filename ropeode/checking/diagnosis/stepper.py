@@ -32,6 +32,7 @@ from ropeode.theory import (
     diagnose_identity,
     recognised,
     tableau_of,
+    where_off,
 )
 
 # What the coefficients of a Runge-Kutta method may explain.
@@ -41,6 +42,8 @@ _OF_COSTS = {"order", "lagged-damping"}
 # Coefficients that are rounded to few digits leave a term of a lower order, of at most this part of
 # the solution's own.
 _FEW_DIGITS = 1e-2
+# What a term may be, as a part of its largest value, where there is none.
+_NONE = 1e-3
 
 
 class _Cost(NamedTuple):
@@ -286,12 +289,17 @@ def _order_alone(found: Sequence[Expansion], order: int | None, expected: int) -
     x, v = (int(np.nanmin(row, initial=np.inf) if np.any(row == row) else order) for row in every)
     orders = f"order {x}" if x == v else f"order {x} in positions and {v} in velocities"
     if order < expected:
+        half = 0 if x == order else 1
+        largest = max(float(np.max(np.abs(each.rate(order).value[:, half]))) for each in found)
+        where = where_off(found, order, half, _NONE * largest)
         return Diagnosis(
             "order",
-            f"the step solves the right equation, with local {orders} at all of {states} random "
-            f"states; order {expected} is expected",
+            f"the step solves the right equation, with local {orders}"
+            f"{where or f' at all of {states} random states'}; order {expected} is expected",
             evidence,
-            f"use a method of order {expected}, or claim order {order}",
+            "use the same formula at all nodes, along all axes and at all times"
+            if where
+            else f"use a method of order {expected}, or claim order {order}",
         )
     return Diagnosis(
         "unknown",
