@@ -23,7 +23,7 @@ from ropeode.theory.rope_terms import (
     own_terms,
 )
 from ropeode.theory.term_factors import Factor, Fault, mistakes_in
-from ropeode.theory.terms import TERMS, by_power, mass
+from ropeode.theory.terms import TERMS, along_axes, by_power, mass
 from ropeode.validation import listed
 
 # How the sentence of a diagnosis begins.
@@ -535,13 +535,12 @@ def _free_nodes(expansions: Sequence[Expansion]) -> list[tuple[Expansion, int]]:
 
 def _unexplained(expansions: Sequence[Expansion], size: float, evidence: dict) -> Fault:
     """Where the acceleration is off, if nobody knows why."""
-    evidence["difference"] = (
-        max(
-            float(np.max(np.abs(each.rate(0).value[:, 1, node])))
-            for each, node in _free_nodes(expansions)
-        )
-        / size
-    )
+    off = [
+        (node, float(np.max(np.abs(each.rate(0).value[:, 1, node]))))
+        for each, node in _free_nodes(expansions)
+    ]
+    evidence["difference"] = max(value for _, value in off) / size
+    evidence["nodes"] = sorted({node for node, value in off if value > _EXPLAINED * size})
     return Fault(
         f"the acceleration is off by up to {evidence['difference']:.2g} of its size"
         f"{where_off(expansions, 0, 1, _EXPLAINED * size)}, and by no combination of factors on "
@@ -572,9 +571,7 @@ def where_off(expansions: Sequence[Expansion], order: int, half: int, least: flo
         return at_nodes
     if words := _only_where(free, np.concatenate(off)) or at_nodes:
         return words
-    along = np.max(np.concatenate(sizes), axis=0) > least
-    axes = [axis for axis, there in zip("xyz", along, strict=False) if there]
-    return "" if len(axes) in (0, len(along)) else f", along {' and '.join(axes)} alone"
+    return along_axes(np.max(np.concatenate(sizes), axis=0) > least)
 
 
 def _only_where(free: Sequence[tuple[Expansion, int]], there: np.ndarray) -> str:

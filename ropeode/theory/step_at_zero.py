@@ -9,7 +9,7 @@ import numpy as np
 from ropeode.theory.diagnosis import Diagnosis
 from ropeode.theory.expansion import Expansion, Term
 from ropeode.theory.projection import projected
-from ropeode.theory.terms import TERMS
+from ropeode.theory.terms import TERMS, along_axes
 
 # What may be left over, as a part of the state, and how close two numbers must be.
 _EXPLAINED, _CLOSE = 1e-6, 1e-6
@@ -45,12 +45,8 @@ def diagnose_identity(expansions: Sequence[Expansion]) -> Diagnosis | None:
             line = f"at dt = 0 the step changes the state: {named}, {_NO_LIMIT}"
             return Diagnosis("identity", line, evidence, _UNCHANGED)
         changed = np.max([np.max(np.abs(each), axis=(0, 1, 2)) for each in change], axis=0)
-        axes = "".join(
-            a for a, each in zip("xyz", changed, strict=False) if each > _EXPLAINED * size
-        )
-        where = "" if len(axes) in (0, len(changed)) else f", along {' and '.join(axes)} alone"
         line = f"at dt = 0 the step changes the state by up to {evidence['size']:.2g} of its size"
-        line += where
+        line += along_axes(changed > _EXPLAINED * size)
         return Diagnosis("identity", f"{line}, {_NO_LIMIT}", evidence, _UNCHANGED)
     (xx, xv, xa), (vx, vv, va) = of_x, of_v
     evidence |= {

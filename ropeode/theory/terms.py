@@ -43,6 +43,18 @@ class Mistake(NamedTuple):
 
 
 AXES = ("x", "y", "z")
+
+
+def along_axes(there: np.ndarray) -> str:
+    """In words, along which axes something is there; empty if along all, or along none.
+
+    Arguments:
+        there: whether it is, ``(dim,)``.
+    """
+    axes = [axis for axis, each in zip(AXES, there, strict=False) if each]
+    return "" if len(axes) in (0, len(there)) else f", along {' and '.join(axes)} alone"
+
+
 # How closely factors are the same.
 _SAME = 1e-12
 _ALL = "a = gravity + force / mass"

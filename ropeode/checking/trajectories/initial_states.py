@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ropeode.checking.trajectories.layout import samples_of
-from ropeode.checking.trajectories.run_files import Run, each_once
+from ropeode.checking.trajectories.run_files import Run, for_each_file
 from ropeode.errors import InputError
 from ropeode.validation import complaint
 
@@ -34,15 +34,15 @@ def check_initial_states(runs: Sequence[Run], why: str = "", fix: str = _USUAL_F
     Raises:
         InputError: one line for each fault.
     """
-    faults, largest = [], 0.0
-    for run in runs:
+
+    def error_of(index: int) -> float:
+        run = runs[index]
         error = first_errors(run)
-        largest = max(largest, float(np.max(error)))
         if np.any(off := error > allowed_first_errors(run)):
-            faults.append((run.path, _complaint(run, off, why, fix)))
-    if faults:
-        raise InputError(each_once(faults))
-    return largest
+            raise InputError(_complaint(run, off, why, fix))
+        return float(np.max(error))
+
+    return max(for_each_file([run.path for run in runs], error_of), default=0.0)
 
 
 def misplaced_nodes(runs: Sequence[Run]) -> tuple[str, str] | None:

@@ -172,7 +172,7 @@ def read_runs(
         run = run_of(file.path, steps[index], file.samples(), problem)
         return dataclasses.replace(run, named=named)
 
-    runs = _for_each([file.path for file in opened], read)
+    runs = for_each_file([file.path for file in opened], read)
     if len({file.velocities for file in opened}) > 1:
         without = [str(file.path) for file in opened if not file.velocities]
         allowed = "velocities in all files, or in none"
@@ -221,7 +221,7 @@ def _open(files: Sequence[str | Path], layout: Layout, fewest: int) -> list[File
         # What does not exist is of no format, and each of them says why it cannot be read.
         return FORMATS.get(suffix, CsvFile)(path, layout)
 
-    return _for_each(paths, one)
+    return for_each_file(paths, one)
 
 
 def _step_sizes_in_names(
@@ -291,7 +291,7 @@ def _step_sizes(
         return values[0]
 
     paths = [file.path for file in files]
-    steps = _for_each(paths, one)
+    steps = for_each_file(paths, one)
 
     def differs(index: int) -> None:
         dt = steps[index]
@@ -300,7 +300,7 @@ def _step_sizes(
                 allowed = f"a different step size for each file; {path} has this one too"
                 raise bad_value(f"{paths[index]}, dt", dt, allowed, "leave out one of the files")
 
-    _for_each(paths, differs)
+    for_each_file(paths, differs)
     return steps
 
 
@@ -363,8 +363,12 @@ def _are_all(values: np.ndarray, value: float) -> bool:
     return bool(np.all(np.abs(values - value) <= _SAME * abs(value)))
 
 
-def _for_each(paths: Sequence[Path], work: Callable[[int], T]) -> list[T]:
-    """What some work makes of each file, by its index.
+def for_each_file(paths: Sequence[Path], work: Callable[[int], T]) -> list[T]:
+    """What some work makes of each file.
+
+    Arguments:
+        paths: of the files.
+        work: what is done, by the index of the file.
 
     Raises:
         InputError: the first fault of each file; one that several files have is one line.
@@ -379,11 +383,11 @@ def _for_each(paths: Sequence[Path], work: Callable[[int], T]) -> list[T]:
             allowed = f"a file that can be read ({error.strerror or error})"
             faults.append((path, complaint("file", str(path), allowed, "check the disk")))
     if faults:
-        raise InputError(each_once(faults))
+        raise InputError(_each_once(faults))
     return made
 
 
-def each_once(faults: Sequence[tuple[Path, str]]) -> list[str]:
+def _each_once(faults: Sequence[tuple[Path, str]]) -> list[str]:
     """Complaints about files; those that differ by numbers alone are one, which names all files.
 
     Arguments:
