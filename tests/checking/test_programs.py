@@ -97,6 +97,15 @@ def test_the_one_mistake_is_named(known, tmp_path, rope, change, cause, words):
     assert diagnosis.evidence.get("misfit", 0.0) < 1e-8
 
 
+@pytest.mark.slow
+def test_a_fit_of_a_rope_that_nearly_blows_up_ends(tmp_path):
+    """Of the changes that are tried, some have slopes whose squares overflow."""
+    long = reference(InextensibleRope().problem(4))
+    program = Program(long.problem, method="verlet", kept=1 - 5e-5)
+    report = grade(program.files(tmp_path, (128, 256, 512, 1024)), long, expected_order=1)
+    assert report.diagnosis[0].cause == "damping-per-step"
+
+
 def test_an_order_that_damping_lowers_may_be_claimed_apart(known, tmp_path):
     files = Program(known["moving"].problem, method=kick_drift_kick).files(tmp_path, (64, 128, 256))
     assert grade(files, known["moving"], expected_order=2, diagnose=False).verdict == "wrong"

@@ -78,6 +78,10 @@ class Fit:
             self.done = True
             return
         scale = np.sqrt(self._damping) * np.linalg.norm(self._slopes, axis=0)
+        # Slopes of a rope that nearly blew up may be too large to take a step by.
+        if not np.all(np.isfinite(scale)):
+            self.done = True
+            return
         matrix = np.vstack([self._slopes, np.diag(scale)])
         right = np.concatenate([-self._apart, np.zeros(len(scale))])
         step = np.linalg.lstsq(matrix, right, rcond=None)[0]
