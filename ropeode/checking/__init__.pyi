@@ -24,7 +24,6 @@ from .report import Diagnosis as Diagnosis
 from .report import Finding as Finding
 from .report import Status as Status
 from .report import Verdict as Verdict
-from .starter_files import ASSIGNMENTS as ASSIGNMENTS
 from .starter_files import write_assignment as write_assignment
 from .starter_files import write_start as write_start
 from .time_limit import OutOfTime as OutOfTime

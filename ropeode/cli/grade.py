@@ -29,7 +29,7 @@ from ropeode.terminal import (
 )
 from ropeode.validation import bad_value
 
-# As `ropeode.checking.starter_files` has them, which imports JAX.
+# Folders of `ropeode.checking.starter_files`, which imports JAX.
 ASSIGNMENTS = ("games101",)
 
 

@@ -14,11 +14,12 @@ import pytest
 
 import ropeode
 from ropeode import grade, reference
-from ropeode.checking import ASSIGNMENTS, samples_of, write_assignment
+from ropeode.checking import samples_of, write_assignment
 from ropeode.study import TableJob, read_spec
 
 SOURCE = Path(ropeode.__file__).parent / "checking" / "starter_files" / "games101"
 TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorials" / "grade-cpp.md"
+SPECS = ("springs.toml", "rigid.toml")
 needs_compiler = pytest.mark.skipif(shutil.which("g++") is None, reason="needs g++")
 
 
@@ -27,7 +28,7 @@ def test_specs_and_initial_state(tmp_path):
     assert names == {"springs.toml", "rigid.toml", "initial.csv", "README.md", "rope.cpp"}
     first = np.loadtxt(tmp_path / "mine" / "initial.csv", delimiter=",", skiprows=1)
     kinds = []
-    for name in ASSIGNMENTS["games101"]:
+    for name in SPECS:
         problem = TableJob(read_spec(tmp_path / "mine" / name)).problem
         kinds.append(problem.parameters["kind"])
         assert (problem.frames, problem.parameters["damping"]) == (20, 0.0)
@@ -46,8 +47,7 @@ def mine(tmp_path_factory):
 @pytest.fixture(scope="module")
 def known(mine):
     """The references of both specs."""
-    names = ASSIGNMENTS["games101"]
-    return {name: reference(TableJob(read_spec(mine / name)).problem) for name in names}
+    return {name: reference(TableJob(read_spec(mine / name)).problem) for name in SPECS}
 
 
 def compiled(folder, source, program="rope", warnings=("-Wall", "-Wextra", "-pedantic", "-Werror")):
@@ -74,7 +74,7 @@ def runs_of(program, method, steps):
 # The rows of the table of methods: name, spec, order, steps per frame.
 METHODS = re.findall(
     r"^\| `(.*?)` \| `(.*?)` \| (\d) \| ([\d ]+) \|$",
-    (SOURCE / "page.md").read_text(),
+    (SOURCE / "README.md").read_text(),
     re.MULTILINE,
 )
 

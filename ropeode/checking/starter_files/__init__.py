@@ -13,22 +13,14 @@ from typing import Any
 import numpy as np
 
 from ropeode.checking.trajectories.layout import Layout, samples_of
-from ropeode.errors import InputError
 from ropeode.files import check_writable
 from ropeode.problems import ROPES, Problem, file_and_name
 from ropeode.study import TableJob
-from ropeode.validation import bad_value, unknown
+from ropeode.validation import bad_value
 
 # The coarsest step times omega of the stiffest spring between the lightest nodes, and the number of
 # step sizes.
 _COARSEST, _LEVELS = 0.8, 4
-# By assignment the problems of its specs, by name of the file. The first has the initial state.
-ASSIGNMENTS: dict[str, dict[str, dict[str, Any]]] = {
-    "games101": {
-        f"{name}.toml": {"kind": kind, "frames": 20, "rope": {"damping": 0.0}}
-        for name, kind in (("springs", "rope"), ("rigid", "inextensible-rope"))
-    },
-}
 
 
 def write_start(folder: str | Path, job: TableJob | None = None) -> list[str]:
@@ -55,30 +47,7 @@ def write_assignment(folder: str | Path, name: str) -> list[str]:
 
     Arguments:
         folder: it must not exist yet.
-        name: one of `ASSIGNMENTS`.
-
-    Returns:
-        The paths of the files.
-
-    Raises:
-        InputError: there is no such assignment; the folder exists, or cannot be created.
-    """
-    if name not in ASSIGNMENTS:
-        raise InputError(unknown("assignment", name, ASSIGNMENTS))
-    jobs = {spec: TableJob(values) for spec, values in ASSIGNMENTS[name].items()}
-    texts = {spec: _spec_text(job) for spec, job in jobs.items()}
-    texts["initial.csv"] = _initial_state(next(iter(jobs.values())).problem)
-    texts["README.md"] = _template(f"{name}/page.md")
-    texts["rope.cpp"] = _template(f"{name}/rope.cpp")
-    return _write_folder(folder, texts)
-
-
-def _write_folder(folder: str | Path, texts: Mapping[str, str]) -> list[str]:
-    """Write a folder of texts, whole or not at all.
-
-    Arguments:
-        folder: it must not exist yet.
-        texts: by name of the file.
+        name: of a folder beside this file.
 
     Returns:
         The paths of the files.
@@ -86,6 +55,12 @@ def _write_folder(folder: str | Path, texts: Mapping[str, str]) -> list[str]:
     Raises:
         InputError: the folder exists, or cannot be created.
     """
+    files = sorted(resources.files(__name__).joinpath(name).iterdir(), key=lambda file: file.name)
+    return _write_folder(folder, {file.name: file.read_text(encoding="utf-8") for file in files})
+
+
+def _write_folder(folder: str | Path, texts: Mapping[str, str]) -> list[str]:
+    """Write a folder of texts, by name of the file, whole or not at all."""
     path = Path(folder)
     if path.exists():
         raise bad_value("init", str(path), "a new folder", "choose another name")
@@ -123,45 +98,31 @@ def _template(name: str) -> str:
 
 def _spec_text(job: TableJob) -> str:
     """A spec that does not depend on its folder."""
-    lines = ["# The problem that the program should solve. `ropeode spec` lists all settings.", ""]
-
-    def setting(name: str, value: Any, comment: str | None = None) -> None:
-        if comment is not None:
-            lines.append(f"# {comment}")
-        # These values are written in JSON as they are in TOML.
-        lines.append(f"{name} = {json.dumps(value)}")
-
-    spec, parameters = job.spec, dict(job.problem.parameters)
-    rope = ROPES.get(parameters.get("kind", ""))
-    stored = spec.reference is not None
-    if stored:
-        setting("reference", _stored(job), "A stored reference, which includes the problem.")
-    elif rope is not None:
-        words = '"rope" has springs, "inextensible-rope" has rigid links.'
-        setting("kind", parameters["kind"], words)
+    spec, parameters = job.spec, job.problem.parameters
+    rope = ROPES.get(parameters.get("kind", "")) if spec.reference is None else None
+    settings: dict[str, Any]
+    if spec.reference is not None:
+        # It includes the problem.
+        settings = {"reference": _stored(job, spec.reference)}
     else:
-        setting("problem", _named(job), "A problem of the library, or FILE.py:NAME.")
-    if not stored and (frames := parameters.get("frames", spec.frames)) is not None:
-        lines.append("")
-        setting("frames", frames, "Number of frames: a sample is taken at the end of each.")
-    asked = {name: value for name, value in spec.asked.items() if value != "consensus"}
-    if asked:
-        lines += ["", "# Settings of the reference."]
-        for name, value in asked.items():
-            setting(name, value)
-    if rope is not None and not stored:
+        own = {"kind": parameters["kind"]} if rope else {"problem": _named(job)}
+        settings = own | {"frames": parameters.get("frames", spec.frames)}
+    settings |= {name: value for name, value in spec.asked.items() if value != "consensus"}
+    # These values are written in JSON as they are in TOML.
+    lines = [f"{key} = {json.dumps(value)}" for key, value in settings.items() if value is not None]
+    if rope is not None:
         lines += ["", "[rope]"]
         for name, field in rope.model_fields.items():
             extra: Any = field.json_schema_extra
-            setting(name, parameters[name], extra["allowed"])
-    return "\n".join([*lines, ""])
+            lines += [f"# {extra['allowed']}", f"{name} = {json.dumps(parameters[name])}"]
+    head = "# The problem that the program should solve. `ropeode spec` explains all settings."
+    return "\n".join([head, "", *lines, ""])
 
 
-def _stored(job: TableJob) -> str:
-    """The reference's name; for a file its whole path."""
-    assert job.spec.reference is not None
-    beside = (job.folder or Path()) / job.spec.reference
-    return str(beside.resolve()) if beside.exists() else job.spec.reference
+def _stored(job: TableJob, name: str) -> str:
+    """A reference's name; for a file its whole path."""
+    beside = (job.folder or Path()) / name
+    return str(beside.resolve()) if beside.exists() else name
 
 
 def _named(job: TableJob) -> str:
@@ -174,16 +135,11 @@ def _named(job: TableJob) -> str:
 
 def _initial_state(problem: Problem) -> str:
     """The initial state as a CSV file."""
-    return "\n".join([Layout.of(problem).headers[-1], *_initial_rows(problem), ""])
-
-
-def _initial_rows(problem: Problem) -> list[str]:
-    """The initial state as the lines of a CSV file."""
-    nodes = samples_of(problem, problem.y0[None])[0].tolist()
-    return [
+    rows = [
         ",".join([f"{problem.ts[0]:g}", str(node), *(repr(x).removesuffix(".0") for x in row)])
-        for node, row in enumerate(nodes)
+        for node, row in enumerate(samples_of(problem, problem.y0[None])[0].tolist())
     ]
+    return "\n".join([Layout.of(problem).headers[-1], *rows, ""])
 
 
 def _page(problem: Problem) -> str:
@@ -194,7 +150,6 @@ def _page(problem: Problem) -> str:
     times = ", ".join(f"{t:g}" for t in ts)
     if len(ts) > 4 and problem.equal_frames:
         times = f"{ts[0]:g}, {ts[1]:g}, {ts[2]:g}, ..., {ts[-1]:g}"
-    both = "- Velocities are optional; without them only positions are graded.\n"
     # The program's page comes first: it has places to fill in itself.
     values = {
         "PROGRAM": _template("program.md") if own_program else "",
@@ -202,11 +157,8 @@ def _page(problem: Problem) -> str:
         "RUNS": "\n".join(f"./rope {n} > rope-{n}.csv" for n in steps),
         "PROBLEM": f"The {problem.name} of `spec.toml`: {layout.nodes} nodes with {layout.dim} "
         f"coordinates, from t = {ts[0]:g} to t = {ts[-1]:g}.",
-        "HEADER": layout.headers[-1],
-        "ROWS": "\n".join(_initial_rows(problem)[:3]),
+        "INITIAL": "\n".join(_initial_state(problem).splitlines()[:4]),
         "TIMES": times,
-        "VELOCITIES": both if layout.mechanical else "",
-        "ARRAYS": " and `velocities`" if layout.mechanical else "",
     }
     text = _template("page.md")
     for key, value in values.items():
