@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 from ropeode.json_form import json_shows
 
@@ -33,3 +33,17 @@ class Diagnosis:
     def known_remedy(self) -> str | None:
         """What to write instead; None where that is not known."""
         return self.remedy or None
+
+
+class Fault(NamedTuple):
+    """Something that is wrong.
+
+    Fields:
+        words: that say it.
+        named: whether they name the mistake; if not, they only say how far off a term is.
+        remedy: what is to be written instead, if that is known.
+    """
+
+    words: str
+    named: bool = True
+    remedy: str = ""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ropeode.theory.diagnosis import Diagnosis
+from ropeode.theory.diagnosis import Diagnosis, Fault
 from ropeode.theory.expansion import Expansion
 from ropeode.theory.projection import Projection, projected
 from ropeode.theory.rope_terms import (
@@ -22,7 +22,8 @@ from ropeode.theory.rope_terms import (
     other_terms,
     own_terms,
 )
-from ropeode.theory.term_factors import Factor, Fault, mistakes_in
+from ropeode.theory.step_at_zero import position_faults
+from ropeode.theory.term_factors import Factor, mistakes_in
 from ropeode.theory.terms import TERMS, along_axes, by_power, mass
 from ropeode.validation import listed
 
@@ -40,7 +41,6 @@ _FLOAT32 = 1e-6
 # A step this much shorter than the longest still moves by more than rounding, with dt^2 too.
 _SHORT = 1e-3
 _DT_AS_GIVEN = "use dt as it is given: x_new = x + dt * v, v_new = v + dt * a"
-_POSITIONS = "x_new = x + dt * v + dt**2 / 2 * a"
 _PINS = "let the acceleration and the velocity of pinned nodes be 0"
 _DAMPING = " * damping / mass"
 # Of which numbers of a node the coefficients of a force are multiples.
@@ -96,27 +96,19 @@ def diagnose_equation(
     """
     moved = any(np.any(each.rate(0).known[0]) for each in expansions)
     accelerated = any(np.any(each.rate(0).known[1]) for each in expansions)
-    if not (moved or accelerated) or (kept is not None and _is_only_kept(expansions, kept)):
+    if not (moved or accelerated):
         return None
-    if (pace := _pace(expansions)) is not None:
+    if kept is None and (pace := _pace(expansions)) is not None:
         return pace
-    faults, evidence = [], {}
-    if moved:
-        # Positions that move with the velocity which is kept have no fault of their own.
-        by_velocity = _positions(expansions, evidence)
-        share = evidence["positions"].get("velocity")
-        if (
-            kept is None
-            or share is None
-            or np.max(np.abs(_free(expansions, kept) - share)) > _SPREAD
-        ):
-            faults += by_velocity
-    if accelerated:
-        faults += [
-            _with_dt(_at_run_time(fault, expansions), expansions)
-            for fault in _velocities(expansions, evidence)
-        ]
-    if kept is not None and not all(fault.named for fault in faults):
+    evidence: dict = {}
+    faults = [
+        *(_pins(expansions, "pinned nodes move", 0) if moved else []),
+        *(position_faults(expansions, kept, evidence) if moved else []),
+        *(_pins(expansions, "pinned nodes are accelerated", 1) if accelerated else []),
+        *(_velocities(expansions, kept, evidence) if accelerated else []),
+    ]
+    faults = [_with_dt(_at_run_time(fault, expansions), expansions) for fault in faults]
+    if kept is not None and not all(fault.named for fault in faults or [Fault("", named=False)]):
         # What it loses at each step is mixed with what it adds.
         return None
     texts = [fault.words for fault in faults]
@@ -165,27 +157,6 @@ def _with_dt(fault: Fault, expansions: Sequence[Expansion]) -> Fault:
         if not abs(np.log2(max(long, _TINY) / max(short, _TINY)) - 2.0) < _SQUARED:
             return fault
     return Fault(by_power(name, 1.0), remedy=_ONCE)
-
-
-def _free(expansions: Sequence[Expansion], kept: np.ndarray) -> np.ndarray:
-    """What is kept at the free nodes of all ropes."""
-    free = [each.problem.args.free > 0.0 for each in expansions]
-    return np.concatenate([row[mask] for row, mask in zip(kept, free, strict=True)])
-
-
-def _is_only_kept(expansions: Sequence[Expansion], kept: np.ndarray) -> bool:
-    """Whether what is added to each node is right, or multiplied by what is kept."""
-    for each, factors in zip(expansions, kept, strict=True):
-        for node in np.flatnonzero(each.problem.args.free):
-            for half in (0, 1):
-                right, off = each.slopes[:, half, node], each.rate(0).value[:, half, node]
-                found = projected(off.ravel(), right.ravel()[None])
-                lost = 1.0 + float(found.coefficients[0]) - factors[node]
-                if found.rest > _EXPLAINED * float(np.max(np.abs(right))) or (
-                    min(abs(lost), abs(found.coefficients[0])) > _EXPLAINED
-                ):
-                    return False
-    return True
 
 
 def _fields(expansion: Expansion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -248,71 +219,6 @@ def _standstill(expansions: Sequence[Expansion]) -> str:
     return "the step does not move at all"
 
 
-def _positions(expansions: Sequence[Expansion], evidence: dict) -> list[Fault]:
-    """What the positions change by in place of the velocity."""
-    target, fields = [], []
-    moved = 0.0
-    for each in expansions:
-        free = each.problem.args.free > 0.0
-        v, a, difference = _fields(each)
-        moved = max(moved, float(np.max(np.abs(difference[:, 0, ~free]))))
-        target.append(difference[:, 0, free].ravel())
-        fields.append([part[:, free].ravel() for part in (v, a, each.y[:, 0])])
-    joined = np.concatenate(target)
-    found = projected(joined, np.concatenate(fields, axis=1))
-    size = float(np.max(np.abs(np.concatenate([each[0] for each in fields]))))
-    faults = [Fault("pinned nodes move", remedy=_PINS)] if moved > _EXPLAINED * size else []
-    if found.rest > _EXPLAINED * size:
-        part = float(np.max(np.abs(joined))) / size
-        evidence["positions"] = {"difference": part}
-        text = f"positions change at another rate than the velocity, by up to {part:.2g} of it"
-        return [
-            *faults,
-            _with_neighbours(expansions) or Fault(text, named=False, remedy=_POSITIONS),
-        ]
-    velocity, acceleration, position = map(float, found.coefficients)
-    evidence["positions"] = {
-        "velocity": 1.0 + velocity,
-        "acceleration": acceleration,
-        "position": position,
-        "rest": found.rest,
-    }
-    texts = []
-    if abs(velocity + 1.0) <= _EXPLAINED:
-        texts.append("positions do not move with the velocity")
-    elif abs(velocity) > _EXPLAINED:
-        texts.append(f"positions move with {1.0 + velocity:.6g} times the velocity")
-    if abs(acceleration) > _EXPLAINED:
-        texts.append(f"positions change by {acceleration:.6g} dt times the acceleration")
-    if abs(position) > _EXPLAINED:
-        texts.append(f"positions change by {position:.6g} dt times themselves")
-    return faults + [Fault(text, remedy=_POSITIONS) for text in texts]
-
-
-def _with_neighbours(expansions: Sequence[Expansion]) -> Fault | None:
-    """Whether the velocities of other nodes move a node, too."""
-    found = {}
-    for each, node in _free_nodes(expansions):
-        v = each.y[:, 1]
-        shares = projected(
-            each.rate(0).value[:, 0, node].ravel(), np.moveaxis(v, 1, 0).reshape(v.shape[1], -1)
-        )
-        if shares.rest > _EXPLAINED * float(np.max(np.abs(v))):
-            return None
-        own = {i: float(f"{share:.6g}") for i, share in enumerate(shares.coefficients)}
-        found[node] = {
-            i: share for i, share in own.items() if i != node and abs(share) > _EXPLAINED
-        }
-    node, others = max(found.items(), key=lambda pair: len(pair[1]))
-    if not others:
-        return None
-    words = listed(f"{share:.6g} of that of node {i}" for i, share in others.items())
-    return Fault(
-        f"positions move with the velocities of other nodes, too: node {node} with {words}",
-        remedy=_POSITIONS,
-    )
-
-
 class _Explanation(NamedTuple):
     """A sum of terms that makes up the difference from the right acceleration.
 
@@ -335,11 +241,17 @@ class _Explanation(NamedTuple):
         return unnamed, self.others, len(self.faults)
 
 
-def _velocities(expansions: Sequence[Expansion], evidence: dict) -> list[Fault]:
+def _velocities(
+    expansions: Sequence[Expansion], kept: np.ndarray | None, evidence: dict
+) -> list[Fault]:
     """Which terms of the acceleration are off by which factors, or what else is in it."""
     size = max(float(np.max(np.abs(each.slopes[:, 1]))) for each in expansions)
-    faults = _pins(expansions, size)
-    nodes = [_Node(each, node) for each, node in _free_nodes(expansions)]
+    keeping = np.full((len(expansions), expansions[0].y.shape[2]), np.nan) if kept is None else kept
+    nodes = [
+        _Node(each, int(node), float(own[node]))
+        for each, own in zip(expansions, keeping, strict=True)
+        for node in np.flatnonzero(each.problem.args.free)
+    ]
     laws = (*NODE_LAWS, *SPRING_LAWS)
     found: list[_Explanation] = []
     for several in range(3):
@@ -349,14 +261,14 @@ def _velocities(expansions: Sequence[Expansion], evidence: dict) -> list[Fault]:
         if several and any(not each.plain[0] for each in found):
             break
     if not found:
-        return [*faults, _unexplained(expansions, size, evidence)]
+        return [_unexplained(expansions, size, evidence)]
     best = min(found, key=lambda each: each.plain)
     evidence["factors"] = {
         kind: sorted({float(f"{each.value:.6g}") for each in best.factors if each.kind == kind})
         for kind in dict.fromkeys(each.kind for each in best.factors)
     }
     evidence["rest"] = best.rest / size
-    return faults + _with_mean_velocity(expansions, best.faults)
+    return _with_mean_velocity(expansions, best.faults)
 
 
 def _with_mean_velocity(expansions: Sequence[Expansion], faults: list[Fault]) -> list[Fault]:
@@ -381,7 +293,8 @@ def _with_mean_velocity(expansions: Sequence[Expansion], faults: list[Fault]) ->
 class _Node:
     """The acceleration of one node in one expansion, and its terms, which are computed once."""
 
-    def __init__(self, expansion: Expansion, node: int):
+    def __init__(self, expansion: Expansion, node: int, kept: float):
+        self.kept = kept
         x, v = expansion.y[:, 0], expansion.y[:, 1]
         self._motion, self._index = Motion(expansion.problem.args, expansion.t, x, v), node
         self._difference = expansion.rate(0).value[:, 1, node].ravel()
@@ -412,10 +325,14 @@ def _explanation(nodes: Sequence[_Node], size: float, laws: tuple[str, ...]) -> 
         if np.max(spreads) > _VAGUE:
             # Terms that look alike can make up anything.
             return None
-        factors += [
+        here = [
             Factor(term.kind, term.place, float(value) + (term.kind not in laws), float(spread))
             for term, value, spread in zip(terms, found.coefficients, spreads, strict=True)
         ]
+        if all(each.equals(node.kept) for each in here):
+            # The forces are right, and the velocity is multiplied after them.
+            here = [each._replace(value=1.0) for each in here]
+        factors += here
     own = [each for each in factors if each.kind not in laws]
     if _SINE in laws and (late := _late(factors)) is not None:
         # The driving force of another time is a sum of a cosine and a sine.
@@ -518,13 +435,14 @@ def _merged(faults: list[Fault]) -> list[Fault]:
     return faults
 
 
-def _pins(expansions: Sequence[Expansion], size: float) -> list[Fault]:
-    """Whether nodes move that are pinned."""
+def _pins(expansions: Sequence[Expansion], words: str, half: int) -> list[Fault]:
+    """Whether pinned nodes move, or are accelerated."""
+    size = max(float(np.max(np.abs(each.slopes[:, half]))) for each in expansions)
     off = max(
-        float(np.max(np.abs(each.rate(0).value[:, 1, each.problem.args.free == 0.0])))
+        float(np.max(np.abs(each.rate(0).value[:, half, each.problem.args.free == 0.0])))
         for each in expansions
     )
-    return [Fault("pinned nodes are accelerated", remedy=_PINS)] if off > _EXPLAINED * size else []
+    return [Fault(words, remedy=_PINS)] if off > _EXPLAINED * size else []
 
 
 def _free_nodes(expansions: Sequence[Expansion]) -> list[tuple[Expansion, int]]:

@@ -1,13 +1,14 @@
-"""What a step does at dt = 0, where it should do nothing."""
+"""What a step makes of a state, as multiples of the positions, velocities and accelerations."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ropeode.theory.diagnosis import Diagnosis
-from ropeode.theory.expansion import Expansion, Term
+from ropeode.theory.diagnosis import Diagnosis, Fault
+from ropeode.theory.expansion import Expansion
 from ropeode.theory.projection import projected
 from ropeode.theory.terms import TERMS, along_axes
 
@@ -20,18 +21,62 @@ _SOME = 3
 # The shortest step, as a part of the longest, and by how much of its size it may move a state.
 _SHORTEST, _MOVES = 2.0**-14, 2e-3
 _UNCHANGED = "x_new = x + dt * (...), v_new = v + dt * (...): both must be as they were if dt is 0"
+_POSITIONS = "x_new = x + dt * v + dt**2 / 2 * a"
 _NO_LIMIT = "so the runs have no limit as dt goes to 0"
+_QUANTITIES, _FIELDS = ("positions", "velocities"), ("position", "velocity", "acceleration")
+
+
+# Multiples of a node's own motion in the state after a step, as dt goes to 0: at (quantity, field)
+# the words that say which one is there; and those that say that there is none, where one should be.
+_AT_ZERO = {
+    (0, 0): ("positions are multiplied by {}", "the new positions do not contain the old ones"),
+    (0, 1): ("positions move by {} times the velocity, without dt", ""),
+    (1, 0): ("velocities change by {} times the positions, without dt", ""),
+    (0, 2): ("positions change by {} times the acceleration, without dt", ""),
+    (1, 2): ("velocities change by {} times the acceleration, without dt", ""),
+    (1, 1): (
+        "each step multiplies velocities by {}",
+        "the new velocities do not contain the old ones",
+    ),
+}
+_SWAPPED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])[:, :, None]
+# Such multiples in the rate at which positions change.
+_RATES = {
+    (0, 1): (
+        "positions move with {} times the velocity",
+        "positions do not move with the velocity",
+    ),
+    (0, 2): ("positions change by {} dt times the acceleration", ""),
+    (0, 0): ("positions change by {} dt times themselves", ""),
+}
+
+
+class _Added(NamedTuple):
+    """What a step adds to the states of a rope, or to them per unit of time.
+
+    Fields:
+        expansion: of the step.
+        before: the states, ``(states, 2, nodes, dim)``.
+        added: to them.
+    """
+
+    expansion: Expansion
+    before: np.ndarray
+    added: np.ndarray
 
 
 def diagnose_identity(expansions: Sequence[Expansion]) -> Diagnosis | None:
     """What a step adds to positions and velocities at dt = 0; None if it adds nothing."""
-    found = [each.at_zero() for each in expansions]
-    if not any(np.any(change.known) for _, change in found):
+    terms = [each.at_zero() for each in expansions]
+    if not any(np.any(change.known) for _, change in terms):
         return _shortest_step(expansions)
-    change = [each.value for _, each in found]
+    found = [
+        _Added(each, base, change.value)
+        for each, (base, change) in zip(expansions, terms, strict=True)
+    ]
+    change = np.concatenate([each.added for each in found])
     size = max(float(np.max(np.abs(each.y))) for each in expansions)
-    evidence: dict = {"size": max(float(np.max(np.abs(each))) for each in change) / size}
-    of_x, of_v = (_coefficients(expansions, found, half) for half in (0, 1))
+    evidence: dict = {"size": float(np.max(np.abs(change))) / size}
     if _puts_to_rest_lengths(expansions):
         return Diagnosis(
             "constraint",
@@ -40,64 +85,123 @@ def diagnose_identity(expansions: Sequence[Expansion]) -> Diagnosis | None:
             evidence,
             "let the stretch make a force, stiffness * (length - rest_length), and no displacement",
         )
-    if of_x is None or of_v is None:
-        if named := _limited(expansions) or _averaged(expansions):
-            line = f"at dt = 0 the step changes the state: {named}, {_NO_LIMIT}"
-            return Diagnosis("identity", line, evidence, _UNCHANGED)
-        changed = np.max([np.max(np.abs(each), axis=(0, 1, 2)) for each in change], axis=0)
-        line = f"at dt = 0 the step changes the state by up to {evidence['size']:.2g} of its size"
-        line += along_axes(changed > _EXPLAINED * size)
+    errors = np.max([np.max(change.error, axis=1) for _, change in terms], axis=0)
+    own = [_shares(found, half, _UNCERTAIN * errors[half]) for half in (0, 1)]
+    if own[0] is None or own[1] is None:
+        named = _limited(expansions)
+        if not named and np.max(np.abs(change[:, 0])) <= _EXPLAINED * size:
+            named = _mixed(found, 1, "velocities are mixed")
+        line = "at dt = 0 the step changes the state"
+        if named:
+            line += f": {named}"
+        else:
+            changed = np.max(np.abs(change), axis=(0, 1, 2)) > _EXPLAINED * size
+            line += f" by up to {evidence['size']:.2g} of its size{along_axes(changed)}"
         return Diagnosis("identity", f"{line}, {_NO_LIMIT}", evidence, _UNCHANGED)
-    (xx, xv, xa), (vx, vv, va) = of_x, of_v
-    evidence |= {
-        "positions": {"times_position": _mean(xx), "times_velocity": _mean(xv)},
-        "velocities": {"times_position": _mean(vx), "times_velocity": _mean(vv)},
-    }
-    if _all(xx, -1.0) and _all(xv, 1.0) and _all(vx, 1.0) and _all(vv, -1.0):
+    parts = np.stack(own) + np.eye(2, 3)[:, :, None]
+    evidence |= dict(zip(_QUANTITIES, map(_means, parts), strict=True))
+    if _same(parts, _SWAPPED):
         line = "the step returns the velocities first"
         return Diagnosis("swapped", line, evidence, "return positions, then velocities")
-    texts = []
-    if _all(xx, -1.0):
-        texts.append("the new positions do not contain the old ones")
-    elif not _all(xx, 0.0):
-        texts.append(f"positions are multiplied by {_factor(xx)}")
-    if not _all(xv, 0.0):
-        texts.append(f"positions move by {_range(xv)} times the velocity, without dt")
-    if _all(vv, -1.0):
-        texts.append("the new velocities do not contain the old ones")
-    if not _all(vx, 0.0):
-        texts.append(f"velocities change by {_range(vx)} times the positions, without dt")
-    without_dt = [
-        f"{quantity} change by {_range(share)} times the acceleration, without dt"
-        for quantity, share in (("positions", xa), ("velocities", va))
-        if not _all(share, 0.0)
-    ]
-    texts += without_dt
-    if without_dt or _all(vv, -1.0) or _all(vv, 0.0):
-        line = f"at dt = 0 {'; '.join(texts)}"
+    line, factors = f"at dt = 0 {'; '.join(_told(_AT_ZERO, parts))}", parts[1, 1]
+    if not _same(parts[:, 2], 0.0) or _same(factors, 0.0) or _same(factors, 1.0):
         return Diagnosis("identity", line, evidence, _UNCHANGED)
+    evidence["lost_per_step"] = 1.0 - float(np.mean(factors))
     free = np.stack([each.problem.args.free > 0.0 for each in expansions])
-    damping, masses = (
+    kept = np.ones(free.shape)
+    kept[free] = factors
+    evidence["kept"] = kept.tolist()
+    line += f"{_as_damping(expansions, free, 1.0 - factors)}, whatever dt is, {_NO_LIMIT}"
+    return Diagnosis("damping-per-step", line, evidence, TERMS["kept"].remedy)
+
+
+def _as_damping(expansions: Sequence[Expansion], free: np.ndarray, lost: np.ndarray) -> str:
+    """Which multiple of the damping velocities lose, in words; empty if they lose another part."""
+    damping, mass = (
         np.stack([getattr(each.problem.args, name) for each in expansions])[free]
         for name in ("damping", "mass")
     )
-    share = ""
-    for words, rate in (("damping", damping), ("damping / mass", damping / masses)):
+    for words, rate in (("damping", damping), ("damping / mass", damping / mass)):
         # Of one rope alone a factor says nothing of what it depends on.
-        if len(expansions) == 1 or not np.all(rate):
-            continue
-        part = -_mean(vv / rate)
-        if _all(vv / rate, -part):
-            share = f", 1 - {'' if _all(np.array([part]), 1.0) else f'{part:.6g} '}{words}"
-    texts.append(
-        f"each step multiplies velocities by {_factor(vv)}{share}, whatever dt is, {_NO_LIMIT}"
-    )
-    evidence["lost_per_step"] = -_mean(vv)
-    kept = np.ones(free.shape)
-    kept[free] = 1.0 + vv
-    evidence["kept"] = kept.tolist()
-    line = f"at dt = 0 {'; '.join(texts)}"
-    return Diagnosis("damping-per-step", line, evidence, TERMS["kept"].remedy)
+        if len(expansions) > 1 and np.all(rate):
+            part = float(np.mean(lost / rate))
+            if _same(lost / rate, part):
+                return f", 1 - {'' if _same(np.array(part), 1.0) else f'{part:.6g} '}{words}"
+    return ""
+
+
+def position_faults(
+    expansions: Sequence[Expansion], kept: np.ndarray | None, evidence: dict
+) -> list[Fault]:
+    """What positions change by in place of the velocity.
+
+    Arguments:
+        expansions: of the step.
+        kept: by which factor the velocity of each node is multiplied first, ``(ropes, nodes)``; it
+            may be that velocity.
+        evidence: for the numbers.
+    """
+    found = [_Added(each, each.y, each.rate(0).value) for each in expansions]
+    size = max(float(np.max(np.abs(each.y[:, 1]))) for each in expansions)
+    own = _shares(found, 0, _EXPLAINED * size)
+    if own is None:
+        off = [each.added[:, 0, each.expansion.problem.args.free > 0.0] for each in found]
+        part = max(float(np.max(np.abs(each))) for each in off) / size
+        evidence["positions"] = {"difference": part}
+        if mixed := _mixed(found, 0, "positions move with velocities mixed"):
+            return [Fault(mixed, remedy=_POSITIONS)]
+        text = f"positions change at another rate than the velocity, by up to {part:.2g} of it"
+        return [Fault(text, named=False, remedy=_POSITIONS)]
+    parts = own[None] + np.eye(1, 3, 1)[:, :, None]
+    evidence["positions"] = _means(parts[0])
+    if kept is not None:
+        free = np.stack([each.problem.args.free > 0.0 for each in expansions])
+        if _same(parts[0, 1], kept[free]):
+            parts[0, 1] = 1.0
+    return [Fault(text, remedy=_POSITIONS) for text in _told(_RATES, parts)]
+
+
+def _shares(
+    found: Sequence[_Added], half: int, close: float, of_all: bool = False
+) -> np.ndarray | None:
+    """Which multiples of its own motion make up what is added to each free node.
+
+    Arguments:
+        found: on several ropes.
+        half: 0 for what is added to positions, 1 for velocities.
+        close: how much may be left over at least.
+        of_all: whether the velocities of all nodes take the place of the node's own motion.
+
+    Returns:
+        ``(fields, free nodes of all ropes)``; None if something else is added.
+    """
+    parts = []
+    for each, before, added in found:
+        motion = np.stack([before[:, 0], before[:, 1], each.slopes[:, 1]])
+        for node in np.flatnonzero(each.problem.args.free):
+            fields = np.moveaxis(before[:, 1], 1, 0) if of_all else motion[:, :, node]
+            moved = added[:, half, node].ravel()
+            own = projected(moved, fields.reshape(len(fields), -1))
+            if own.rest > max(_EXPLAINED * np.max(np.abs(moved)), close):
+                return None
+            parts.append(own.coefficients)
+    return np.stack(parts, axis=1)
+
+
+def _mixed(found: Sequence[_Added], half: int, mixed: str) -> str:
+    """A sentence: of which velocities what a node gets is the sum; empty if it is no such sum."""
+    size = max(float(np.max(np.abs(each.before[:, 1]))) for each in found)
+    shares = _shares(found, half, _EXPLAINED * size, of_all=True)
+    if shares is None:
+        return ""
+    nodes = np.concatenate([np.flatnonzero(each.expansion.problem.args.free) for each in found])
+    parts = shares.T + np.eye(len(shares))[nodes]
+    there = np.abs(parts) > _EXPLAINED
+    most = int(np.argmax(np.sum(there, axis=1)))
+    if np.sum(there[most]) < 2:
+        return ""
+    words = " + ".join(f"{parts[most, i]:.6g} v{i}" for i in np.flatnonzero(there[most]))
+    return f"{mixed} with those of other nodes (v{nodes[most]} becomes {words})"
 
 
 def _shortest(expansion: Expansion) -> np.ndarray:
@@ -149,31 +253,6 @@ def _limited(expansions: Sequence[Expansion]) -> str | None:
     )
 
 
-def _averaged(expansions: Sequence[Expansion]) -> str | None:
-    """Whether velocities, and nothing else, become sums of those of several nodes."""
-    most: dict[int, float] = {}
-    of = 0
-    for each in expansions:
-        base, change = each.at_zero()
-        v, off = base[:, 1], change.value
-        size = float(np.max(np.abs(v)))
-        if np.max(np.abs(off[:, 0])) > _EXPLAINED * size:
-            return None
-        fields = np.moveaxis(v, 1, 0).reshape(v.shape[1], -1)
-        for node in np.flatnonzero(each.problem.args.free):
-            found = projected(off[:, 1, node].ravel(), fields)
-            if found.rest > _EXPLAINED * size:
-                return None
-            shares = {i: float(c) + (i == node) for i, c in enumerate(found.coefficients)}
-            shares = {i: share for i, share in shares.items() if abs(share) > _EXPLAINED}
-            if len(shares) > max(1, len(most)):
-                most, of = shares, int(node)
-    if not most:
-        return None
-    words = " + ".join(f"{share:.6g} v{i}" for i, share in sorted(most.items()))
-    return f"velocities are mixed with those of other nodes (v{of} becomes {words})"
-
-
 def _puts_to_rest_lengths(expansions: Sequence[Expansion]) -> bool:
     """Whether a spring has its rest length after the shortest step, at all states."""
     off = []
@@ -204,45 +283,30 @@ def _shortest_step(expansions: Sequence[Expansion]) -> Diagnosis | None:
     return Diagnosis("identity", line, {"size": change / size, "part": _SHORTEST})
 
 
-def _coefficients(
-    expansions: Sequence[Expansion], found: Sequence[tuple[np.ndarray, Term]], half: int
-) -> np.ndarray | None:
-    """By which parts of its position, velocity and acceleration each free node changes.
+def _told(rows: dict[tuple[int, int], tuple[str, str]], parts: np.ndarray) -> list[str]:
+    """In words, which multiples are not the right ones.
 
     Arguments:
-        expansions: of the step.
-        found: the states of each at dt = 0, and how the step changes them.
-        half: 0 for the change of positions, 1 for that of velocities.
-
-    Returns:
-        ``(3, free nodes of all ropes)``; None if one changes by something else.
+        rows: that say what is right.
+        parts: the multiples, ``(quantities, fields, free nodes of all ropes)``.
     """
-    parts = []
-    for each, (base, change) in zip(expansions, found, strict=True):
-        for node in np.flatnonzero(each.problem.args.free):
-            moved = change.value[:, half, node]
-            fields = [base[:, 0, node], base[:, 1, node], each.slopes[:, 1, node]]
-            own = projected(moved.ravel(), np.stack([field.ravel() for field in fields]))
-            least = _EXPLAINED * max(np.max(np.abs(moved)), _EXPLAINED * np.max(np.abs(fields[1])))
-            if own.rest > max(least, _UNCERTAIN * float(np.max(change.error[half]))):
-                return None
-            parts.append(own.coefficients)
-    return np.stack(parts, axis=1)
+    texts = []
+    for place, (words, none) in rows.items():
+        if not _same(parts[place], 1.0 if none else 0.0):
+            missing = none and _same(parts[place], 0.0)
+            texts.append(none if missing else words.format(_range(parts[place])))
+    return texts
 
 
-def _all(values: np.ndarray, value: float) -> bool:
-    return bool(np.all(np.abs(values - value) <= _CLOSE * (1.0 + abs(value))))
+def _means(parts: np.ndarray) -> dict[str, float]:
+    return dict(zip(_FIELDS, np.mean(parts, axis=1).tolist(), strict=True))
 
 
-def _mean(values: np.ndarray) -> float:
-    return float(np.mean(values))
-
-
-def _factor(change: np.ndarray) -> str:
-    return _range(1.0 + change)
+def _same(values: np.ndarray, others: Any) -> bool:
+    return bool(np.all(np.abs(values - others) <= _CLOSE * (1.0 + np.abs(others))))
 
 
 def _range(values: np.ndarray) -> str:
     if (spread := np.ptp(values)) <= _CLOSE:
-        return f"{_mean(values):.{int(-np.log10(max(spread, 1e-10)))}g}"
+        return f"{np.mean(values):.{int(-np.log10(max(spread, 1e-10)))}g}"
     return f"{np.min(values):.6g} to {np.max(values):.6g}"

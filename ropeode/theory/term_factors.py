@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ropeode.theory.diagnosis import Fault
 from ropeode.theory.rope_terms import TermPlace
 from ropeode.theory.terms import KINDS, MISTAKES, NUMBERS, TERMS, Mistake, mass, times
 from ropeode.validation import listed
@@ -33,20 +34,6 @@ class Factor(NamedTuple):
     def equals(self, other: float) -> bool:
         """Whether it may be this number."""
         return abs(self.value - other) <= self.spread * (1.0 + abs(other))
-
-
-class Fault(NamedTuple):
-    """Something that is wrong.
-
-    Fields:
-        words: that say it.
-        named: whether they name the mistake; if not, they only say how far off a term is.
-        remedy: what is to be written instead, if that is known.
-    """
-
-    words: str
-    named: bool = True
-    remedy: str = ""
 
 
 def mistakes_in(factors: Sequence[Factor]) -> list[Fault]:
