@@ -86,8 +86,8 @@ def diagnose_identity(expansions: Sequence[Expansion]) -> Diagnosis | None:
             "let the stretch make a force, stiffness * (length - rest_length), and no displacement",
         )
     errors = np.max([np.max(change.error, axis=1) for _, change in terms], axis=0)
-    own = [_shares(found, half, _UNCERTAIN * errors[half]) for half in (0, 1)]
-    if own[0] is None or own[1] is None:
+    of_x, of_v = (_shares(found, half, _UNCERTAIN * errors[half]) for half in (0, 1))
+    if of_x is None or of_v is None:
         named = _limited(expansions)
         if not named and np.max(np.abs(change[:, 0])) <= _EXPLAINED * size:
             named = _mixed(found, 1, "velocities are mixed")
@@ -98,7 +98,7 @@ def diagnose_identity(expansions: Sequence[Expansion]) -> Diagnosis | None:
             changed = np.max(np.abs(change), axis=(0, 1, 2)) > _EXPLAINED * size
             line += f" by up to {evidence['size']:.2g} of its size{along_axes(changed)}"
         return Diagnosis("identity", f"{line}, {_NO_LIMIT}", evidence, _UNCHANGED)
-    parts = np.stack(own) + np.eye(2, 3)[:, :, None]
+    parts = np.stack([of_x, of_v]) + np.eye(2, 3)[:, :, None]
     evidence |= dict(zip(_QUANTITIES, map(_means, parts), strict=True))
     if _same(parts, _SWAPPED):
         line = "the step returns the velocities first"
