@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-import jax
 import numpy as np
 
 from ropeode.analysis import distances, moved
@@ -22,7 +21,6 @@ from ropeode.checking.trajectories.known_methods import (
 from ropeode.checking.trajectories.layout import samples_of
 from ropeode.checking.trajectories.run_files import Run, finite
 from ropeode.norms import NORMS
-from ropeode.precision import in_float64
 from ropeode.problems import Problem
 from ropeode.references import Reference
 from ropeode.steppers import as_stepper
@@ -43,9 +41,6 @@ _FEWEST_FRAMES = 3
 _WORSE = 3.0
 # A method is known by its errors, of which so much may be something else.
 _OF_ERRORS = 1e-3
-# What depends on the time, places or velocities later must have done so before, by this part. Two
-# methods may be the same as long as nothing does.
-_ACTIVE, _CHANGE = 1e-4, 1e-6
 # Of these a right-hand side without corners consists: two methods may take a corner differently.
 _SMOOTH = {
     *("add", "add_any", "cos", "cosh", "cumsum", "div", "dot_general", "exp", "integer_pow", "log"),
@@ -60,25 +55,10 @@ _SEED = 1
 _MOST_SAID = 3
 # So many samples of nodes must be at a limit.
 _FEWEST_TIMES = 2
-# What samples are of which the last one at least is no news: differences, from the positions in a
-# file, those of the method, and the frame of the departure.
-_AFTERWARDS: dict[str, Callable[[np.ndarray, np.ndarray, int], np.ndarray]] = {
-    "later samples are the method's again, so that this one is only written wrongly": (
-        lambda x, made, frame: x[frame + 1 :] - made[frame + 1 :]
-    ),
-    "from there on each sample is that of one frame earlier": (
-        lambda x, made, frame: (x[frame:] - made[frame - 1 : -1])[1:]
-    ),
-    "from there on each sample is that of one frame later": (
-        lambda x, made, frame: x[frame:-1] - made[frame + 1 :]
-    ),
-    "from there on nothing moves": lambda x, made, frame: (x[frame:] - x[frame - 1])[1:],
-}
 _REMEDY = (
     "look for what acts only at times, such as `if (y < floor)`, a largest speed or length, or a "
     "threshold below which nodes rest; leave it out, or put it into the problem"
 )
-_REWRITE = "print each sample once, after the last step of its frame, and go on to the end"
 
 
 class _Departure(NamedTuple):
@@ -125,13 +105,6 @@ class _Departure(NamedTuple):
         """That has departed farthest there."""
         return int(np.argmax(self.parts[self.frame]))
 
-    @property
-    def positions(self) -> tuple[np.ndarray, np.ndarray]:
-        """Those of the run and the method as parts of the motion, where the solution is known."""
-        end, dim = len(self.later), self.run.layout.dim
-        x, made = (run.values[:end, :, :dim] / self.way for run in (self.run, self.made))
-        return x, made
-
 
 def departure(reference: Reference, runs: Sequence[Run]) -> Diagnosis | None:
     """Something that acts only later in the motion.
@@ -145,7 +118,7 @@ def departure(reference: Reference, runs: Sequence[Run]) -> Diagnosis | None:
         and all at once far from them; None if they do so by growth of rounding, or with dt.
     """
     known = finite(runs)
-    if not known or steps_per_frame(known)[0] > MOST_IN_PYTHON:
+    if not known or steps_per_frame(known)[0] > MOST_IN_PYTHON or not _is_smooth(reference.problem):
         return None
     first, rigid = known[0], has_rigid_links(reference.problem)
 
@@ -161,10 +134,7 @@ def departure(reference: Reference, runs: Sequence[Run]) -> Diagnosis | None:
             if not rigid or as_stepper(actor.name).keeps_lengths
             if (each := _of(reference, known, actor))
         }
-        departed = min((each.frame for runs in found.values() for each in runs), default=0)
-        if found and _acts_before(
-            reference.problem, reference.states[: reference.trusted], departed
-        ):
+        if found:
             return _diagnosis(reference, [*found], next(iter(found.values())))
     return None
 
@@ -259,36 +229,10 @@ def _is_known(found: _Departure) -> bool:
     return bool(found.before <= _OF_ERRORS * np.max(own[: found.frame]) or exact)
 
 
-@in_float64
-def _acts_before(problem: Problem, states: np.ndarray, frame: int) -> bool:
-    """Whether no part of the right-hand side begins to act, or has a corner, as late as a frame.
-
-    Arguments:
-        problem: whose right-hand side it is.
-        states: its solution, ``(times, *state)``.
-        frame: in which a run departs from a method.
-    """
-    if has_rigid_links(problem):
-        # They pull from the first step on; that they ask which ends are free is no corner.
-        return True
-    if problem.in_python:
-        return False
-    if not operations(problem) <= _SMOOTH:
-        return False
-    ts = problem.ts[: len(states)]
-    # The time, and the positions and the velocities, or the whole state.
-    near = [(ts + _CHANGE * np.ptp(ts), states)]
-    change = _CHANGE * np.random.default_rng(_SEED).standard_normal(problem.y0.shape)
-    for half in range(len(problem.quantities)):
-        own = (slice(None), half) if problem.mechanics is not None else ...
-        changed = states.copy()
-        changed[own] += (change * np.ones_like(states))[own] * np.max(np.abs(states[own]))
-        near.append((ts, changed))
-    rhs = jax.vmap(problem.rhs, (0, 0, None))
-    slopes = np.array(rhs(ts, states, problem.args))
-    acts = np.abs([np.array(rhs(*each, problem.args)) - slopes for each in near])
-    before, ever = np.max(acts[:, :frame], axis=1), np.max(acts, axis=1)
-    return bool(np.all(before >= _ACTIVE * ever))
+def _is_smooth(problem: Problem) -> bool:
+    """Whether the right-hand side has no corner, which two methods may take differently."""
+    # Rigid links pull from the first step on; that they ask which ends are free is no corner.
+    return has_rigid_links(problem) or (not problem.in_python and operations(problem) <= _SMOOTH)
 
 
 def _diagnosis(
@@ -299,7 +243,7 @@ def _diagnosis(
     before, frame = (pick(each.frame for each in found) for pick in (min, max))
     misfit, apart = (max(getattr(each, name) for each in found) for name in ("before", "apart"))
     nodes = list(dict.fromkeys(each.node for each in found))
-    limits, resting, written = [*_limits(found)], _resting(found), _written(found)
+    limits, resting = [*_limits(found)], _resting(found)
     who = (
         f"node {nodes[0]} departs" if len(nodes) == 1 else f"nodes {listed(map(str, nodes))} depart"
     )
@@ -315,7 +259,7 @@ def _diagnosis(
         f"{who} from them by up to {apart:.2g} of the motion, {of}, and not by the growth of "
         "rounding: "
     )
-    line += written or _acting(limits, resting)
+    line += _acting(limits, resting)
     evidence = {
         "methods": [*names],
         "misfit": misfit,
@@ -326,7 +270,7 @@ def _diagnosis(
         "resting": resting,
         "limits": [{"quantity": a, "never": b, "value": c} for a, b, c in limits],
     }
-    return Diagnosis("departure", line, evidence, _REWRITE if written else _REMEDY)
+    return Diagnosis("departure", line, evidence, _REMEDY)
 
 
 def _acting(limits: Sequence[tuple[str, str, float]], resting: Sequence[int]) -> str:
@@ -342,30 +286,27 @@ def _acting(limits: Sequence[tuple[str, str, float]], resting: Sequence[int]) ->
         return f"in these files {listed(words)}, as nothing in the problem demands"
     return (
         "something acts there that is not in the problem, such as a floor, a largest speed or "
-        "a threshold, or a part of it ceases to act"
+        "a threshold; or a part of it ceases to act, or samples are written wrongly from there on"
     )
-
-
-def _written(found: Sequence[_Departure]) -> str | None:
-    """What the samples after the departure are, where they follow from those of the method."""
-    for words, after in _AFTERWARDS.items():
-        rest = [after(*each.positions, each.frame) for each in found]
-        pairs = zip(rest, found, strict=True)
-        if all(len(apart) and np.max(np.abs(apart)) <= each.same for apart, each in pairs):
-            return words
-    return None
 
 
 def _resting(found: Sequence[_Departure]) -> list[int]:
     """The nodes that are at rest once all runs have departed, and are not with the method."""
     frame, quiet = max(each.frame for each in found), []
     for each in found:
-        x, made = each.positions
-        velocities = each.run.values[frame:, :, each.run.layout.dim :]
-        rests = np.all(x[frame:] == x[frame], axis=(0, 2))
+        dim = each.run.layout.dim
+        x, made, velocities = (
+            values[frame : len(each.later)]
+            for values in (
+                each.run.values[..., :dim],
+                each.made.values[..., :dim],
+                each.run.values[..., dim:],
+            )
+        )
+        rests = np.all(x == x[0], axis=(0, 2))
         if velocities.size:
             rests |= np.all(velocities == 0.0, axis=(0, 2))
-        quiet.append(rests & np.any(made[frame:] != made[frame], axis=(0, 2)))
+        quiet.append(rests & np.any(made != made[0], axis=(0, 2)))
     return np.flatnonzero(np.all(quiet, axis=0)).tolist()
 
 

@@ -3,30 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
-import math
+import itertools
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from ropeode.analysis import distances, moved, resolution
 from ropeode.checking.trajectories.clocks import Clock, Times, likely_clocks
+from ropeode.checking.trajectories.columns import Reading, Samples, readings
 from ropeode.checking.trajectories.convergence import order_finding
 from ropeode.checking.trajectories.initial_states import begins_right, check_initial_states
 from ropeode.checking.trajectories.known_methods import same_method
 from ropeode.checking.trajectories.layout import Written, samples_of
 from ropeode.checking.trajectories.run_files import Files, Run, finite, opened_files, run_of
 from ropeode.checking.trajectories.time_errors import RUNS, explains
-from ropeode.checking.trajectories.transforms import (
-    Samples,
-    Transform,
-    Undo,
-    linear,
-    precision_of,
-    shifted,
-    transforms,
-)
 from ropeode.errors import InputError
 from ropeode.norms import NORMS
 from ropeode.problems import Problem
@@ -36,16 +27,12 @@ from ropeode.validation import complaint
 # Where the step sizes show no order, the errors of the finest run must be tiny, as a part of the
 # motion; or small, and at most this part of those of the coarsest.
 _VERY_SMALL, _SMALL, _FALLEN = 1e-3, 0.1, 0.5
-# Mistakes are tried together up to so many, from the readings that come closest with fewer; and
-# runs are looked at if at most this part of the variation of the numbers is left over.
-_MOST_MISTAKES, _MOST_READINGS, _LEFT_OVER = 3, 8, 0.5
+# Runs are looked at if at most this part of the variation of the numbers is left over.
+_LEFT_OVER = 0.5
 # Readings are tried whose first row is right to this part of the largest numbers.
 _FIRST = 1e-3
-# How far off a column is that points the other way, beside one that holds other numbers.
-_MIRRORED = 0.1
 # So many rows show which mistakes may be made.
 _ROWS = 32
-_ROUNDED = 1e-9
 _TINY = float(np.finfo(np.float64).tiny)
 
 
@@ -131,61 +118,6 @@ def explain_start(runs: Sequence[Run]) -> tuple[str, str] | None:
     return f"in the first sample {found.words}", f"{found.fix}, in the initial state too"
 
 
-class _Reading(NamedTuple):
-    """Numbers of files, as they are once some mistakes are undone.
-
-    Fields:
-        mistakes: in the order in which they are undone.
-        undo: all of them.
-        files: the rows of each run that they concern, so read.
-        left: how far they are from the right ones, whatever their unit and origin are.
-    """
-
-    mistakes: tuple[Transform, ...]
-    undo: Undo
-    files: tuple[np.ndarray, ...]
-    left: float
-
-    def after(self, one: Transform, samples: Samples) -> _Reading:
-        """With one more mistake undone."""
-        pairs = zip(self.files, samples.dts, strict=True)
-        files = tuple(one.undo(values, dt) for values, dt in pairs)
-
-        def undo(values: np.ndarray, dt: float) -> np.ndarray:
-            return one.undo(self.undo(values, dt), dt)
-
-        return _Reading((*self.mistakes, one), undo, files, _left(samples, files[-1]))
-
-    def runs(self, runs: Sequence[Run], after: int) -> tuple[Run, ...]:
-        """Runs as they should have been written; the rows before are right."""
-        return tuple(self._read(run, after) for run in runs)
-
-    def _read(self, run: Run, after: int) -> Run:
-        values, rounding = self.undo(run.values, run.dt).copy(), run.rounding
-        # No more digits than are in the file.
-        off = rounding @ np.max(np.abs(linear(self.undo, run, run.dt)), axis=1)
-        for column in np.flatnonzero(off):
-            decimals = math.floor(-math.log10(2.0 * off[column]) + _ROUNDED)
-            values[:, :, column] = np.round(values[:, :, column], decimals)
-        before = run.values[:after, :, : values.shape[2]]
-        return dataclasses.replace(run, values=np.concatenate([before, values[after:]]))
-
-
-def _left(samples: Samples, values: np.ndarray) -> float:
-    """How far numbers are from the right ones, as a part of them, in the best unit and origin."""
-    left, parts = 0.0, samples.run.parts_of
-    for k, (a, b) in enumerate(zip(parts(values), parts(samples.truth), strict=False)):
-        if k == 0:  # The origin of positions.
-            a, b = a - np.mean(a, axis=(0, 1)), b - np.mean(b, axis=(0, 1))
-        products, size = np.sum(a * b, axis=(0, 1)), max(np.sum(a * a), _TINY)
-        factor = np.sum(np.abs(products)) / max(np.sum(b * b), _TINY)
-        # A column that has the wrong sign alone is almost right.
-        rest = np.sum((a - factor * np.where(products < 0.0, -b, b)) ** 2)
-        wrong = np.sum(a * a, where=products < 0.0)
-        left += float((rest + _MIRRORED * wrong) / size)
-    return left
-
-
 def _is_near(samples: Samples, values: np.ndarray) -> bool:
     """Whether little of the variation of the numbers is left over, and nothing in a first row."""
     truth = samples.truth[:, :, : values.shape[2]]
@@ -214,46 +146,37 @@ def _simplest(
     """
     rows = np.unique(np.linspace(after, len(states) - 1, _ROWS).astype(int))
     truth = samples_of(runs[0].problem, states[rows])
-    precision = precision_of(runs[-1])
-    dts, as_written = [run.dt for run in runs], tuple(run.values[rows] for run in runs)
+    files = [run.values[rows] for run in runs]
+    samples = Samples(runs[-1], [run.dt for run in runs], files, truth, not after)
 
-    def samples(files: Sequence[np.ndarray]) -> Samples:
-        return Samples(runs[-1], dts, files, truth, not after, precision)
+    def undone(reading: Reading) -> tuple[Run, ...]:
+        return tuple(_so_read(reading, run, after) for run in runs)
 
-    tried = [_Reading((), lambda values, dt: values, as_written, 0.0)]
     with np.errstate(all="ignore"):  # Runs that blew up have huge numbers.
-        for _ in range(_MOST_MISTAKES):
-            longer: list[_Reading] = []
-            for reading in tried:
-                now = samples(reading.files)
-                rows_of_table = list(transforms(now))
-                if shifts and (origin := shifted(now, reading.undo)):
-                    rows_of_table.append(origin)
-                longer += [reading.after(each, now) for each in rows_of_table]
-            longer = _different(longer, as_written[-1])
+        near = [
+            each
+            for each in readings(samples, shifts=shifts)
+            if _is_near(samples, each.read(files[-1], runs[-1].dt))
+        ]
+        for _, equal in itertools.groupby(near, key=lambda reading: len(reading.mistakes)):
             found = [
-                (reading, undone, shown)
-                for reading in longer
-                if _is_near(samples(reading.files), reading.files[-1])
-                and (shown := evidence(undone := reading.runs(runs, after))) is not None
+                (each, shown) for each in equal if (shown := evidence(undone(each))) is not None
             ]
             if found:
-                every = (" and ".join(one.words for one in each.mistakes) for each, *_ in found)
+                every = (" and ".join(one.words for one in each.mistakes) for each, _ in found)
                 words = "; or, which is the same here, ".join(dict.fromkeys(every))
-                reading, undone, shown = found[0]
+                reading, shown = found[0]
                 fix = "; ".join(one.fix for one in reading.mistakes)
                 text = f"after the first row, {words}" if after else words
-                return Explanation("columns", text, fix, shown, undone)
-            tried = sorted(longer, key=lambda reading: reading.left)[:_MOST_READINGS]
+                return Explanation("columns", text, fix, shown, undone(reading))
     return None
 
 
-def _different(readings: Sequence[_Reading], as_written: np.ndarray) -> list[_Reading]:
-    """Those that read other numbers than the others and than the file: the first of each."""
-    found: dict[bytes, _Reading | None] = {as_written.tobytes(): None}
-    for reading in readings:
-        found.setdefault(reading.files[-1].tobytes(), reading)
-    return [reading for reading in found.values() if reading is not None]
+def _so_read(reading: Reading, run: Run, after: int) -> Run:
+    """A run as it should have been written; the rows before are right."""
+    values = reading.read_run(run)
+    before = run.values[:after, :, : values.shape[2]]
+    return dataclasses.replace(run, values=np.concatenate([before, values[after:]]))
 
 
 def explain(
