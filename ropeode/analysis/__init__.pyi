@@ -17,10 +17,8 @@ from .lyapunov import lyapunov_exponent as lyapunov_exponent
 from .lyapunov import mean_slope as mean_slope
 from .motion import DEFAULT_THRESHOLDS as DEFAULT_THRESHOLDS
 from .motion import Motion as Motion
-from .motion import MotionWords as MotionWords
 from .motion import Thresholds as Thresholds
 from .motion import classify_motion as classify_motion
-from .motion import motion_words as motion_words
 from .motion import sensitivity as sensitivity
 from .order import AGREE as AGREE
 from .order import FEWEST_POINTS as FEWEST_POINTS

@@ -64,9 +64,9 @@ class Thresholds:
 DEFAULT_THRESHOLDS = Thresholds()
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class MotionWords:
-    """What the thresholds make of a rope's motion. Frames are indices of samples.
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Motion(Tabular):
+    """What a rope did, in words and numbers. Frames are indices of samples.
 
     Everything but `diverged_at` comes from the samples before the run diverged.
 
@@ -83,6 +83,18 @@ class MotionWords:
             from the vertical, or past it; or None.
         frames: the last frame that was looked at.
         thresholds: that were used.
+        largest_stretch: of any spring, in its rest lengths: 0 at rest length.
+        largest_stretch_at: its frame.
+        jitter: the rate at which springs change length, in rest lengths per frame: root mean
+            square over all springs and the last tenth of the frames. Zero for a rope that
+            swings like a rod.
+        run: the run.
+
+    Examples:
+        >>> from ropeode import Rope, classify_motion, simulate
+        >>> motion = classify_motion(simulate(Rope(num_nodes=4).problem(frames=3), "rk4", 16))
+        >>> motion.verdict, motion.swings, f"{motion.largest_stretch:.1e}"
+        ('never_settles', 0, '2.2e-05')
     """
 
     verdict: Verdict
@@ -93,54 +105,48 @@ class MotionWords:
     reached_vertical_at: int | None
     frames: int
     thresholds: Thresholds
+    largest_stretch: Unbounded
+    largest_stretch_at: int
+    jitter: Unbounded
+    run: Trajectory
 
     @property
     def swings(self) -> int:
         """How often it swung from one side of the vertical to the other."""
         return len(self.swing_times)
 
+    @functools.cached_property
+    def energy_at_rest(self) -> float | None:
+        """The energy of hanging still; None if the rope has no stable equilibrium, or no energy."""
+        problem = self.run.problem
+        try:
+            return float(problem.energies(hanging_equilibrium(problem)[None])[0])
+        except InputError:
+            return None
 
-@dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Motion(Tabular, MotionWords):
-    """What a rope did: the fields of `Words`, and numbers.
-
-    Arguments:
-        largest_stretch: of any spring, in its rest lengths: 0 at rest length.
-        largest_stretch_at: its frame.
-        energy: above that of hanging still, ``(frames + 1,)``; None if the problem has none.
-        energy_at_rest: the energy of hanging still, which `energy` leaves out; None where the
-            rope has no stable equilibrium, and `energy` is that of the problem.
-        jitter: the rate at which springs change length, in rest lengths per frame: root mean
-            square over all springs and the last tenth of the frames. Zero for a rope that
-            swings like a rod.
-
-    Examples:
-        >>> from ropeode import Rope, classify_motion, simulate
-        >>> motion = classify_motion(simulate(Rope(num_nodes=4).problem(frames=3), "rk4", 16))
-        >>> motion.verdict, motion.swings, f"{motion.largest_stretch:.1e}"
-        ('never_settles', 0, '2.2e-05')
-    """
-
-    largest_stretch: Unbounded
-    largest_stretch_at: int
-    energy: np.ndarray | None
-    energy_at_rest: float | None
-    jitter: Unbounded
+    @functools.cached_property
+    def energy(self) -> np.ndarray | None:
+        """Above that of hanging still, as far as that is known, ``(frames + 1,)``; or None."""
+        if self.run.problem.energy is None:
+            return None
+        return self.run.problem.energies(self.run.states[: self.frames + 1]) - (
+            self.energy_at_rest or 0.0
+        )
 
 
 class Sensitivity(NamedTuple):
-    """The words with one threshold changed.
+    """The verdict with one threshold changed.
 
     Fields:
         threshold: which one.
         value: what it was changed to.
-        words: what the run is called then.
+        words: the motion then.
         differs: whether its verdict is another one than with the thresholds unchanged.
     """
 
     threshold: str
     value: float
-    words: MotionWords
+    words: Motion
     differs: bool
 
     @property
@@ -173,27 +179,7 @@ def classify_motion(trajectory: Trajectory, thresholds: Thresholds = DEFAULT_THR
         'diverges'
     """
     check_kind("trajectory", trajectory, Trajectory, "simulate")
-    measures = _measured(trajectory)
-    words = _words(measures, thresholds)
-    kept = words.frames + 1
-    where = int(np.argmax(np.max(measures.stretch[:kept], axis=1)))
-    last = max(1, round(_LAST_PART * kept))
-    energy, at_rest = _energy(trajectory.problem, trajectory.states[:kept])
-    return Motion(
-        **vars(words),
-        largest_stretch=float(np.max(measures.stretch[where])),
-        largest_stretch_at=where,
-        energy=energy,
-        energy_at_rest=at_rest,
-        jitter=float(np.sqrt(np.mean(_lengthening(trajectory, slice(kept - last, kept)) ** 2))),
-    )
-
-
-def motion_words(
-    trajectory: Trajectory, thresholds: Thresholds = DEFAULT_THRESHOLDS
-) -> MotionWords:
-    """The part of `classify_motion` that needs no energies, and so takes little time."""
-    return _words(_measured(trajectory), thresholds)
+    return _classified(_measured(trajectory), thresholds)
 
 
 def sensitivity(
@@ -204,12 +190,12 @@ def sensitivity(
     Arguments and exceptions are those of `classify_motion`.
     """
     measures = _measured(trajectory)
-    usual = _words(measures, thresholds).verdict
+    usual = _classified(measures, thresholds).verdict
     changed = []
     for field in dataclasses.fields(thresholds):
         for factor in (0.5, 2.0):
             value = factor * getattr(thresholds, field.name)
-            words = _words(measures, dataclasses.replace(thresholds, **{field.name: value}))
+            words = _classified(measures, dataclasses.replace(thresholds, **{field.name: value}))
             changed.append(Sensitivity(field.name, value, words, words.verdict != usual))
     return tuple(changed)
 
@@ -222,16 +208,14 @@ class _Measures(NamedTuple):
         speed: of the fastest node, in V.
         stretch: of each spring, in its rest lengths, ``(times, springs)``.
         aside: of the centre of mass from the vertical, in L.
-        lost_at: the first frame that is missing, since its state was not finite; or None.
-        sample_times: the sample times as they are.
+        run: the trajectory.
     """
 
     times: np.ndarray
     speed: np.ndarray
     stretch: np.ndarray
     aside: np.ndarray
-    lost_at: int | None
-    sample_times: np.ndarray
+    run: Trajectory
 
 
 def _measured(trajectory: Trajectory) -> _Measures:
@@ -247,8 +231,7 @@ def _measured(trajectory: Trajectory) -> _Measures:
     rest_length = np.asarray(args.rest_length)
     gravity = np.asarray(args.gravity)[:, 0]
     length, strength = np.sum(rest_length), np.linalg.norm(gravity)
-    x, v = trajectory.positions, trajectory.velocities
-    times = trajectory.times
+    x, v, times = trajectory.positions, trajectory.velocities, trajectory.times
     # A run that blows up may exceed what can be squared; it has diverged by then anyway.
     with np.errstate(over="ignore", invalid="ignore"):
         return _Measures(
@@ -256,8 +239,7 @@ def _measured(trajectory: Trajectory) -> _Measures:
             speed=np.max(_norm(v), axis=1) / np.sqrt(strength * length),
             stretch=_norm(np.diff(x, axis=1)) / rest_length - 1.0,
             aside=_aside(x, args, gravity / strength) / length,
-            lost_at=trajectory.diverged_at,
-            sample_times=times,
+            run=trajectory,
         )
 
 
@@ -336,10 +318,10 @@ def _lengthening(trajectory: Trajectory, samples: slice) -> np.ndarray:
     return frame * rate / np.asarray(trajectory.problem.args.rest_length)
 
 
-def _words(measures: _Measures, thresholds: Thresholds) -> MotionWords:
+def _classified(measures: _Measures, thresholds: Thresholds) -> Motion:
     whole = np.isfinite(measures.speed) & np.all(measures.stretch <= thresholds.stretch, axis=1)
     broken = np.flatnonzero(~whole)
-    diverged_at = int(broken[0]) if len(broken) else measures.lost_at
+    diverged_at = int(broken[0]) if len(broken) else measures.run.diverged_at
     kept = len(whole) if diverged_at is None else diverged_at
     if kept == 0:
         raise bad_value(
@@ -354,14 +336,16 @@ def _words(measures: _Measures, thresholds: Thresholds) -> MotionWords:
     aside = measures.aside[:kept]
     first_side = np.sign(aside[np.argmax(np.abs(aside) > thresholds.swing)])
     reached = np.flatnonzero(aside * first_side <= thresholds.swing)
-    swing_times = _passed_vertical(measures.sample_times[:kept], aside, thresholds.swing)
+    swing_times = _passed_vertical(measures.run.times[:kept], aside, thresholds.swing)
 
     verdict: Verdict = "never_settles"
     if diverged_at is not None:
         verdict = "diverges"
     elif settled_at is not None and not left:
         verdict = "settles" if len(swing_times) else "settles_without_swinging"
-    return MotionWords(
+    stretch = np.max(measures.stretch[:kept], axis=1)
+    last = slice(kept - max(1, round(_LAST_PART * kept)), kept)
+    return Motion(
         verdict=verdict,
         diverged_at=diverged_at,
         settled_at=settled_at,
@@ -370,6 +354,10 @@ def _words(measures: _Measures, thresholds: Thresholds) -> MotionWords:
         reached_vertical_at=int(reached[0]) if len(reached) else None,
         frames=kept - 1,
         thresholds=thresholds,
+        largest_stretch=float(np.max(stretch)),
+        largest_stretch_at=int(np.argmax(stretch)),
+        jitter=float(np.sqrt(np.mean(_lengthening(measures.run, last) ** 2))),
+        run=measures.run,
     )
 
 
@@ -392,14 +380,3 @@ def _passed_vertical(times: np.ndarray, aside: np.ndarray, swing: float) -> np.n
         there, here = aside[past - 1], aside[past]
         passed.append(times[past - 1] + (times[past] - times[past - 1]) * there / (there - here))
     return np.array(passed)
-
-
-def _energy(problem: Problem, states: np.ndarray) -> tuple[np.ndarray | None, float | None]:
-    if problem.energy is None:
-        return None, None
-    energies = problem.energies(states)
-    try:
-        at_rest = float(problem.energies(hanging_equilibrium(problem)[None])[0])
-    except InputError:
-        return energies, None
-    return energies - at_rest, at_rest

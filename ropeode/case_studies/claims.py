@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ropeode.analysis import Motion, MotionWords
+from ropeode.analysis import Motion
 from ropeode.case_studies.figures import Claim
 from ropeode.theory import Growth
 from ropeode.validation import bad_value
@@ -20,7 +20,7 @@ def holds_until(frame: int) -> str:
     return f"holds until frame {frame}"
 
 
-def verdict(claim: Claim, motion: Motion | MotionWords, growth: Growth) -> str:
+def verdict(claim: Claim, motion: Motion, growth: Growth) -> str:
     """Whether a claim holds: `HOLDS`, `FAILS`, `holds_until` a frame, or `TOO_SHORT`.
 
     A claim about what lasts holds until the frame at which it ends. Where linear theory has
@@ -37,7 +37,7 @@ def verdict(claim: Claim, motion: Motion | MotionWords, growth: Growth) -> str:
     return TOO_SHORT if late else found
 
 
-def _expected(claim: Claim, motion: Motion | MotionWords, growth: Growth) -> float:
+def _expected(claim: Claim, motion: Motion, growth: Growth) -> float:
     """The frame by which a claim should have come true; 0 where it never will."""
     if motion.settled_at is not None or motion.diverged_at is not None:
         return 0.0
@@ -50,7 +50,7 @@ def _expected(claim: Claim, motion: Motion | MotionWords, growth: Growth) -> flo
     return rest_expected(motion, growth) or 0.0
 
 
-def _verdict(claim: Claim, motion: Motion | MotionWords, growth: Growth) -> str:
+def _verdict(claim: Claim, motion: Motion, growth: Growth) -> str:
     if claim == "diverges":
         return HOLDS if motion.diverged_at is not None else FAILS
     if claim == "swings":
@@ -75,7 +75,7 @@ def _lasting(so_far: bool, ended_at: int | None) -> str:
     return HOLDS if ended_at is None else holds_until(ended_at)
 
 
-def rest_expected(motion: Motion | MotionWords, growth: Growth) -> int | None:
+def rest_expected(motion: Motion, growth: Growth) -> int | None:
     """The frame by which the slowest mode should have decayed to what counts as rest.
 
     By linear theory; None where it does not decay.

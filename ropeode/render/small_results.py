@@ -315,7 +315,8 @@ def _(verification: Verification) -> list[dict[str, Any]]:
 
 @rows.register
 def _(motion: Motion) -> list[dict[str, Any]]:
-    plain = {field.name: getattr(motion, field.name) for field in dataclasses.fields(motion)}
+    names = [*(field.name for field in dataclasses.fields(motion)), "energy_at_rest"]
+    plain = {name: getattr(motion, name) for name in names}
     numbers = {n: each for n, each in plain.items() if isinstance(each, (int, float, str))}
     return [numbers]
 

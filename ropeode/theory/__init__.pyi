@@ -15,6 +15,7 @@ from .global_error import order_once_started as order_once_started
 from .global_error import predicted_error as predicted_error
 from .growth import MOST_STEPS_OF_GROWTH as MOST_STEPS_OF_GROWTH
 from .growth import Growth as Growth
+from .growth import LinearisedStep as LinearisedStep
 from .growth import StableSteps as StableSteps
 from .growth import growth_per_frame as growth_per_frame
 from .growth import stability_limit as stability_limit

@@ -104,7 +104,7 @@ def growth_per_frame(
         (11.43, 16)
     """
     steps = check_whole("steps_per_frame", steps_per_frame, at_least=1, example="64")
-    return _Linearised(problem, stepper, y).growth(steps)
+    return LinearisedStep(problem, stepper, y).growth(steps)
 
 
 @in_float64
@@ -132,7 +132,7 @@ def stability_limit(problem: Problem, stepper: Any, y: ArrayLike | None = None) 
         >>> stability_limit(rope, "rk4"), stability_limit(rope, "semi-implicit-euler")
         (7, 10)
     """
-    linearised = _Linearised(problem, stepper, y)
+    linearised = LinearisedStep(problem, stepper, y)
     return fewest_steps(lambda steps: linearised.growth(steps).stable)
 
 
@@ -189,7 +189,7 @@ def stable_steps_at_rest(problem: Problem, stepper: Any) -> StableSteps:
 
     Arguments and exceptions are those of `stability_limit`.
     """
-    linearised = _Linearised(problem, stepper, None)
+    linearised = LinearisedStep(problem, stepper)
     return stable_steps(lambda steps: linearised.growth(steps).stable, linearised.frame)
 
 
@@ -225,10 +225,21 @@ def bisected(stable: Callable[[float], bool], low: float, high: float, precision
     return float(low)
 
 
-class _Linearised:
-    """A stepper about an equilibrium of a problem, at any number of steps per frame."""
+class LinearisedStep:
+    """The derivative of a stepper's step about an equilibrium, for steps of any size.
 
-    def __init__(self, problem: Problem, stepper: Any, y: ArrayLike | None):
+    Arguments:
+        problem, stepper, y: as for `growth_per_frame`.
+
+    Attributes:
+        frame: the length of a frame.
+        settles: whether all steps after the first 16 are the same.
+
+    Raises:
+        InputError: as for `growth_per_frame`.
+    """
+
+    def __init__(self, problem: Problem, stepper: Any, y: ArrayLike | None = None):
         require_problem(problem)
         problem = problem.up_to_date()
         problem.require_mechanics("problem")
@@ -242,7 +253,8 @@ class _Linearised:
         self._free = free_coordinates(problem)
         self.frame = step_size(problem, 1)
         begin = self._map.beginning(self._y, _SHORT * self.frame, self._free)
-        if begin is None and self._stands_still:
+        self.settles = begin is not None
+        if self._stands_still and not self.settles:
             raise bad_value(
                 "stepper",
                 self._name,
@@ -255,7 +267,7 @@ class _Linearised:
     def growth(self, steps: float) -> Growth:
         """The `Growth` at so many steps per frame, which need be no whole number."""
         dt = self.frame / steps
-        matrix = self._matrix(dt)
+        matrix = self.matrix(dt)
         slope = (matrix - np.eye(len(matrix))) / dt
         decomposition: Any = linalg.eig(slope, left=True, right=True)
         eigenvalues, left, right = decomposition
@@ -282,8 +294,8 @@ class _Linearised:
             predicted_blow_up=math.ceil(53.0 * math.log(2.0) / rate) if rate > tolerance else None,
         )
 
-    def _matrix(self, dt: float) -> np.ndarray:
-        """The derivative of one step, over what can move of what is carried."""
+    def matrix(self, dt: float) -> np.ndarray:
+        """The derivative of a step of this size, over what can move of what is carried."""
         carried = self._map.start(self._y, dt, self._begin)
         free = self._map.moving(carried, self._free)
         flattened, unravel = ravel_pytree(carried)

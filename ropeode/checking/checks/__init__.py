@@ -13,7 +13,7 @@ from ropeode.checking.checks.rounding import float32, zero_length
 from ropeode.checking.checks.side_effects import determinism, first_sample, purity
 from ropeode.checking.checks.stability import stability
 from ropeode.checking.checks.structure import reversible, symplectic
-from ropeode.checking.checks.symmetry import SYMMETRIES, symmetry
+from ropeode.checking.checks.symmetry import SYMMETRIES, symmetry, time_shift
 from ropeode.checking.checks.thresholds import thresholds
 from ropeode.checking.report import Finding
 
@@ -33,6 +33,7 @@ CHECKS: dict[str, Check] = {
     "pins": pins,
     "momentum": momentum,
     **{name: functools.partial(symmetry, check=name) for name in SYMMETRIES},
+    "time-shift": time_shift,
     "thresholds": thresholds,
     "stability": stability,
     "energy": energy,

@@ -21,8 +21,6 @@ from ropeode.theory import StepSamples
 
 # Steps of the classical Runge-Kutta method that stand for the exact motion.
 _PARTS = 8
-# Of such a motion, into how many a frame is divided.
-_CHUNKS = 32
 # What a solver that iterates up to an absolute tolerance may leave, as a part of the state. In
 # units in which lengths or speeds are small numbers that is more, and rounding makes more of a
 # derivative by finite differences where they are large numbers; but never as much as all.
@@ -176,18 +174,6 @@ def _moved(y: np.ndarray, args: Any, dt: np.ndarray) -> np.ndarray:
         k4 = rates(start + h * k3, args)
         moved = moved + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
     return moved
-
-
-def exact_states(problem: Problem) -> np.ndarray:
-    """The states of a rope without a drive at its sample times, ``(times, *state)``."""
-    states = [problem.y0]
-    for span in np.diff(problem.ts):
-        y = states[-1]
-        for _ in range(_CHUNKS):
-            dt = np.full((1, 1), span / _CHUNKS)
-            y = y + _moved(y[None], problem.args, dt)[0, 0]
-        states.append(y)
-    return np.stack(states)
 
 
 def _longest(states: np.ndarray) -> np.ndarray:

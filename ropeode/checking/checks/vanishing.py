@@ -16,8 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ropeode.checking.check_context import Examination
-from ropeode.checking.checks.local_errors import exact_states
+from ropeode.checking.check_context import Examination, reference_of
 from ropeode.checking.report import Finding
 from ropeode.problems import Problem
 from ropeode.simulation import step_size
@@ -101,6 +100,6 @@ def _falling_power(defect: Callable[[int], float]) -> float:
 def _is_small(defect: Callable[[int], float], examination: Examination, problem: Problem) -> bool:
     """Whether a defect is small beside the error of the steps."""
     states = examination.run(problem, _STEPS[1])
-    error = float(np.max(np.abs(states - exact_states(problem)))) / problem.scale
+    error = float(np.max(np.abs(states - reference_of(problem).states))) / problem.scale
     most = error if error <= _ACCURATE else _SMALL_PART * error
     return defect(_STEPS[1]) <= most < math.inf

@@ -13,11 +13,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ropeode.analysis import (
+    classify_motion,
     distance_of_runs,
     error_series,
     in_other_units,
     keeps_units,
-    motion_words,
     moved,
     resolution,
 )
@@ -390,7 +390,7 @@ def _side_by_side(
 
 def _motion(trajectory: Trajectory) -> dict[str, Any]:
     try:
-        words = motion_words(trajectory)
+        words = classify_motion(trajectory)
     except InputError:
         # No rope, or one that cannot hang.
         return {}
