@@ -29,7 +29,6 @@ from .modified_energy import modified_energy_of as modified_energy_of
 from .projection import projected as projected
 from .recognised_methods import describe as describe
 from .recognised_methods import recognised as recognised
-from .rope_terms import TermPlace as TermPlace
 from .rope_terms import is_rope as is_rope
 from .solved_equation import SOLVES_ANOTHER as SOLVES_ANOTHER
 from .solved_equation import diagnose_equation as diagnose_equation

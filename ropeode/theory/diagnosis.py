@@ -42,8 +42,11 @@ class Fault(NamedTuple):
         words: that say it.
         named: whether they name the mistake; if not, they only say how far off a term is.
         remedy: what is to be written instead, if that is known.
+        term: that is off by one factor everywhere, and the factor; a key of `TERMS`, or another
+            law.
     """
 
     words: str
     named: bool = True
     remedy: str = ""
+    term: tuple[str, float] = ("", 1.0)

@@ -198,9 +198,23 @@ SpringLaw = Callable[[Motion, int, np.ndarray, np.ndarray], np.ndarray]
 NodeLaw = Callable[[Motion, int], np.ndarray]
 
 
-def _dashpot(motion: Motion, spring: int, d: np.ndarray, w: np.ndarray) -> np.ndarray:
-    unit = d / _length(d)
-    return unit * np.sum(unit * w, axis=1, keepdims=True)
+class OtherLaw(NamedTuple):
+    """A force, or an acceleration, that people write and that is no term of a rope.
+
+    Fields:
+        parts: whose sum it is, with a coefficient each; of springs in turn, if it is their force.
+        of_springs: whether it is.
+        replaces: the term that must be left out for `words` to be true; a key of `TERMS`, `LENGTH`
+            or empty.
+        words: a sentence for it if it has a certain coefficient; empty if there is none.
+        coefficient: this one.
+    """
+
+    parts: tuple[Callable[..., np.ndarray], ...]
+    of_springs: bool = False
+    replaces: str = ""
+    words: str = ""
+    coefficient: str = "1"
 
 
 def _force(motion: Motion, spring: int, d: np.ndarray, w: np.ndarray) -> np.ndarray:
@@ -212,96 +226,52 @@ def _slack(motion: Motion, spring: int, d: np.ndarray) -> np.ndarray:
     return motion.args.rest_length[spring] / _length(d)
 
 
-def _pushing(motion: Motion, spring: int, d: np.ndarray, w: np.ndarray) -> np.ndarray:
-    return np.where(_slack(motion, spring, d) > 1.0, _force(motion, spring, d, w), 0.0)
+def _springs(*parts: SpringLaw, **instead: str) -> OtherLaw:
+    return OtherLaw(parts, True, **instead)
 
 
-def _pulling(motion: Motion, spring: int, d: np.ndarray, w: np.ndarray) -> np.ndarray:
-    return np.where(_slack(motion, spring, d) < 1.0, _force(motion, spring, d, w), 0.0)
-
-
-def _along(axis: int) -> SpringLaw:
-    return lambda motion, spring, d, w: _force(motion, spring, d, w) * np.eye(3)[axis, : d.shape[1]]
-
-
-def _with_length(length: Callable[[np.ndarray], np.ndarray]) -> SpringLaw:
-    def law(motion: Motion, spring: int, d: np.ndarray, w: np.ndarray) -> np.ndarray:
-        args = motion.args
-        return -args.stiffness[spring] * args.rest_length[spring] * d / length(d)
-
-    return law
-
-
-def _spring_law(law: Law) -> SpringLaw:
+def _spring_law(law: Law) -> OtherLaw:
     def force(motion: Motion, spring: int, d: np.ndarray, w: np.ndarray) -> np.ndarray:
         length = _length(d)
         stretch = length - motion.args.rest_length[spring]
         return _force(motion, spring, d, w) * law.factor(length=length, stretch=stretch)
 
-    return force
+    return _springs(force, replaces="spring", words=f"the spring force {law.words}")
 
 
-def _components(d: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
-    """Those along some axes, as far as there are such."""
-    return d[:, [axis for axis in axes if axis < d.shape[1]]]
+def _along(axis: int) -> OtherLaw:
+    return _springs(
+        lambda motion, spring, d, w: _force(motion, spring, d, w) * np.eye(3)[axis, : d.shape[1]],
+        words=f"the spring force along {'xyz'[axis]} is left out",
+        coefficient="-1",
+    )
 
 
-def _in_plane(axes: tuple[int, ...]) -> SpringLaw:
-    return _with_length(lambda d: _length(_components(d, axes)))
+def _direction(words: str, length: Callable[[np.ndarray], np.ndarray]) -> OtherLaw:
+    """The constant part of a spring's force, in a direction that is divided by another length."""
 
-
-def _stretched_in_plane(axes: tuple[int, ...]) -> SpringLaw:
     def law(motion: Motion, spring: int, d: np.ndarray, w: np.ndarray) -> np.ndarray:
-        return motion.args.stiffness[spring] * _length(_components(d, axes)) * d / _length(d)
+        args = motion.args
+        return -args.stiffness[spring] * args.rest_length[spring] * d / length(d)
 
-    return law
-
-
-def _axes(plane: str) -> tuple[int, int]:
-    return "xyz".index(plane[0]), "xyz".index(plane[-1])
+    return _springs(law, replaces="rest", words=f"the rest length's direction is {words}")
 
 
-PLANES = ("x and y", "x and z", "y and z")
-SPRING_LAWS: dict[str, tuple[SpringLaw, ...]] = {
-    **{
-        f"a spring force that {law.words}": (_spring_law(law),)
-        for law in LAWS.values()
-        if law.kind == "spring"
-    },
-    "a dashpot along each spring": (_dashpot,),
-    "friction between neighbours": (lambda motion, spring, d, w: w,),
-    "a pull proportional to the distance of neighbours": (lambda motion, spring, d, w: d,),
-    "a force of slack springs": (_pushing,),
-    "a force of stretched springs": (_pulling,),
-    **{f"a spring force along {'xyz'[axis]}": (_along(axis),) for axis in range(3)},
-    **{
-        f"a rest length whose direction is divided by a length of {plane} alone": (
-            _in_plane(_axes(plane)),
-        )
-        for plane in PLANES
-    },
-    **{
-        f"a length in the spring force that is one of {plane} alone": (
-            _stretched_in_plane(_axes(plane)),
-        )
-        for plane in PLANES
-    },
-    "a rest length whose direction is divided by a sum of coordinates": (
-        _with_length(lambda d: np.sum(np.abs(d), axis=1, keepdims=True)),
-    ),
-    "a rest length whose direction is not divided by the length": (
-        _with_length(lambda d: np.ones((len(d), 1))),
-    ),
-    "a rest length whose direction is divided by the square of the length": (
-        _with_length(lambda d: _length(d) ** 2),
-    ),
-    "a spring force that is no linear function of the length": (
-        lambda motion, spring, d, w: d * _length(d),
-        lambda motion, spring, d, w: d * _length(d) ** 2,
-        lambda motion, spring, d, w: d / _length(d) ** 2,
-        lambda motion, spring, d, w: d / _length(d) ** 3,
-    ),
-}
+def _in_plane(d: np.ndarray, plane: str) -> np.ndarray:
+    """The length of what lies in a plane, as far as there are such axes."""
+    return _length(
+        d[:, [axis for axis in map("xyz".index, plane.split(" and ")) if axis < d.shape[1]]]
+    )
+
+
+def _length_in_plane(plane: str) -> OtherLaw:
+    return _springs(
+        lambda motion, spring, d, w: (
+            motion.args.stiffness[spring] * _in_plane(d, plane) * d / _length(d)
+        ),
+        replaces=LENGTH,
+        words=f"{LENGTH} is one of {plane} alone",
+    )
 
 
 def _to_node(other: int, power: int) -> NodeLaw:
@@ -316,7 +286,7 @@ def _to_node(other: int, power: int) -> NodeLaw:
     return law
 
 
-def _drive(factor: Callable[[np.ndarray, float], np.ndarray]) -> tuple[NodeLaw]:
+def _drive(words: str, factor: Callable[[np.ndarray, float], np.ndarray]) -> OtherLaw:
     """The drive with another function of time and frequency."""
 
     def law(motion: Motion, node: int) -> np.ndarray:
@@ -325,7 +295,16 @@ def _drive(factor: Callable[[np.ndarray, float], np.ndarray]) -> tuple[NodeLaw]:
             return np.zeros(motion.x[:, node].shape)
         return factor(motion.t, float(args.frequency))[:, None] * args.drive
 
-    return (law,)
+    return OtherLaw((law,), replaces="drive", words=f"the driving force is the one {words}")
+
+
+def _drag(law: Law) -> OtherLaw:
+    return OtherLaw(
+        (lambda motion, node: law.factor(v=motion.v[:, node]) * motion.v[:, node],),
+        replaces="damping",
+        words=f"the damping {law.words}",
+        coefficient=f"-1{PER_DAMPING}",
+    )
 
 
 def _across(axis: int) -> NodeLaw:
@@ -345,18 +324,18 @@ def _attraction(motion: Motion, node: int) -> np.ndarray:
     return np.sum(d / _length(d) ** 3, axis=1)
 
 
+# A spring's force is proportional to its length, less the rest length.
+LENGTH = "the length in the spring force"
+# How a coefficient is written that is a multiple of a node's damping rate.
+PER_DAMPING = " * damping / mass"
 NOT_JOINED = "a force between nodes that no spring joins"
 CONSTANT = "a constant acceleration"
-NODE_LAWS: dict[str, tuple[NodeLaw, ...]] = {
+SINE, OF_ZERO = "a driving force with a sine in place of the cosine", "a driving force of t = 0"
+_PLANES = ("x and y", "x and z", "y and z")
+OTHER_LAWS: dict[str, OtherLaw] = {
+    **{f"drag that {law.words}": _drag(law) for law in LAWS.values() if law.kind == "damping"},
     **{
-        f"drag that {law.words}": (
-            lambda motion, node, law=law: law.factor(v=motion.v[:, node]) * motion.v[:, node],
-        )
-        for law in LAWS.values()
-        if law.kind == "damping"
-    },
-    **{
-        f"the driving force {words}": _drive(factor)
+        f"a driving force {words}": _drive(words, factor)
         for words, factor in {
             "of t = 0": lambda t, w: np.ones(len(t)),
             "with a sine in place of the cosine": lambda t, w: np.sin(w * t),
@@ -366,28 +345,72 @@ NODE_LAWS: dict[str, tuple[NodeLaw, ...]] = {
             "with the frequency over 2 pi": lambda t, w: np.cos(w * t / (2.0 * np.pi)),
         }.items()
     },
-    "a force across the velocity": tuple(_across(axis) for axis in range(3)),
-    "an attraction of all other nodes that falls with the square of the distance": (_attraction,),
-    "a force along the position": (lambda motion, node: motion.x[:, node],),
-    "a force proportional to the velocity": (lambda motion, node: motion.v[:, node],),
-    NOT_JOINED: tuple(_to_node(other, power) for other in range(5) for power in (0, 1)),
-    CONSTANT: tuple(
-        lambda motion, node, axis=axis: _constant(motion, np.eye(3)[axis, : motion.x.shape[2]])
-        for axis in range(3)
+    "a force across the velocity": OtherLaw(tuple(_across(axis) for axis in range(3))),
+    "an attraction of all other nodes that falls with the square of the distance": OtherLaw(
+        (_attraction,)
+    ),
+    "a force along the position": OtherLaw((lambda motion, node: motion.x[:, node],)),
+    "a force proportional to the velocity": OtherLaw((lambda motion, node: motion.v[:, node],)),
+    NOT_JOINED: OtherLaw(tuple(_to_node(other, power) for other in range(5) for power in (0, 1))),
+    CONSTANT: OtherLaw(
+        tuple(
+            lambda motion, node, axis=axis: _constant(motion, np.eye(3)[axis, : motion.x.shape[2]])
+            for axis in range(3)
+        )
+    ),
+    **{
+        f"a spring force that {law.words}": _spring_law(law)
+        for law in LAWS.values()
+        if law.kind == "spring"
+    },
+    "a dashpot along each spring": _springs(
+        lambda motion, spring, d, w: d * np.sum(d * w, axis=1, keepdims=True) / _length(d) ** 2
+    ),
+    "friction between neighbours": _springs(lambda motion, spring, d, w: w),
+    "a pull proportional to the distance of neighbours": _springs(lambda motion, spring, d, w: d),
+    "a force of slack springs": _springs(
+        lambda motion, spring, d, w: np.where(
+            _slack(motion, spring, d) > 1.0, _force(motion, spring, d, w), 0.0
+        ),
+        words="a force of slack springs is left out",
+        coefficient="-1",
+    ),
+    **{f"a spring force along {'xyz'[axis]}": _along(axis) for axis in range(3)},
+    **{
+        f"a rest length whose direction is {words}": _direction(words, length)
+        for words, length in {
+            **{
+                f"divided by a length of {plane} alone": lambda d, plane=plane: _in_plane(d, plane)
+                for plane in _PLANES
+            },
+            "divided by a sum of coordinates": lambda d: np.sum(np.abs(d), axis=1, keepdims=True),
+            "not divided by the length": lambda d: np.ones((len(d), 1)),
+            "divided by the square of the length": lambda d: _length(d) ** 2,
+        }.items()
+    },
+    **{
+        f"a length in the spring force of {plane} alone": _length_in_plane(plane)
+        for plane in _PLANES
+    },
+    "a spring force that is no linear function of the length": _springs(
+        lambda motion, spring, d, w: d * _length(d),
+        lambda motion, spring, d, w: d * _length(d) ** 2,
+        lambda motion, spring, d, w: d / _length(d) ** 2,
+        lambda motion, spring, d, w: d / _length(d) ** 3,
     ),
 }
 
 
-def other_terms(motion: Motion, node: int, law: str) -> list[RopeTerm]:
-    """Terms of one of `SPRING_LAWS` or `NODE_LAWS` in the acceleration of a node."""
-    args = motion.args
-    if law in NODE_LAWS:
+def other_terms(motion: Motion, node: int, name: str) -> list[RopeTerm]:
+    """Terms of one of `OTHER_LAWS` in the acceleration of a node."""
+    args, law = motion.args, OTHER_LAWS[name]
+    if not law.of_springs:
         return [
-            RopeTerm(law, TermPlace(args, node, part), each(motion, node))
-            for part, each in enumerate(NODE_LAWS[law])
+            RopeTerm(name, TermPlace(args, node, part), each(motion, node))
+            for part, each in enumerate(law.parts)
         ]
     return [
-        RopeTerm(law, TermPlace(args, node, spring), each(motion, spring, d, w) / args.mass[node])
+        RopeTerm(name, TermPlace(args, node, spring), each(motion, spring, d, w) / args.mass[node])
         for spring, d, w in motion.springs(node)
-        for each in SPRING_LAWS[law]
+        for each in law.parts
     ]

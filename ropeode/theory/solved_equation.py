@@ -13,9 +13,11 @@ from ropeode.theory.expansion import Expansion
 from ropeode.theory.projection import Projection, projected
 from ropeode.theory.rope_terms import (
     CONSTANT,
-    NODE_LAWS,
     NOT_JOINED,
-    SPRING_LAWS,
+    OF_ZERO,
+    OTHER_LAWS,
+    PER_DAMPING,
+    SINE,
     Motion,
     RopeTerm,
     TermPlace,
@@ -42,31 +44,13 @@ _FLOAT32 = 1e-6
 _SHORT = 1e-3
 _DT_AS_GIVEN = "use dt as it is given: x_new = x + dt * v, v_new = v + dt * a"
 _PINS = "let the acceleration and the velocity of pinned nodes be 0"
-_DAMPING = " * damping / mass"
 # Of which numbers of a node the coefficients of a force are multiples.
 _SCALES: dict[str, Callable[[TermPlace], float]] = {
     "": lambda place: 1.0,
     " / mass": lambda place: 1.0 / mass(place),
     " * mass": mass,
-    _DAMPING: lambda place: place.args.damping[place.node] / mass(place),
+    PER_DAMPING: lambda place: place.args.damping[place.node] / mass(place),
 }
-_OF_SPRINGS = ("a force of", "a spring force along")
-# Terms that come back in another form: the subject, how the other form begins, and the verb.
-_FORMS = (
-    ("the rest length", "there is a rest length whose ", "'s"),
-    (
-        "the length in the spring force",
-        "there is a length in the spring force that ",
-        "",
-    ),
-    ("the driving force", "there is the driving force ", " is the one"),
-    ("the spring force", "there is a spring force that ", ""),
-    ("the damping", "there is drag that ", ""),
-)
-# How such a form ends whose size is that of the term that is left out.
-_SAME_SIZE = (" (coefficient 1)", f" (coefficient -1{_DAMPING})")
-_SINE = "the driving force with a sine in place of the cosine"
-_OF_ZERO = "the driving force is the one of t = 0"
 # The numbers of a rope by which a term is changed; all that accelerate it, for the acceleration.
 _MADE_BY = {
     **{name: (name,) for name in ("gravity", "drive", "damping")},
@@ -107,7 +91,7 @@ def diagnose_equation(
         *(_pins(expansions, "pinned nodes are accelerated", 1) if accelerated else []),
         *(_velocities(expansions, kept, evidence) if accelerated else []),
     ]
-    faults = [_with_dt(_at_run_time(fault, expansions), expansions) for fault in faults]
+    faults = [_looked_into(fault, expansions) for fault in faults]
     if kept is not None and not all(fault.named for fault in faults or [Fault("", named=False)]):
         # What it loses at each step is mixed with what it adds.
         return None
@@ -122,32 +106,36 @@ def diagnose_equation(
     return Diagnosis("equation", line, evidence, "; ".join(remedies))
 
 
-def _at_run_time(fault: Fault, expansions: Sequence[Expansion]) -> Fault:
-    """Where the driving force is that of t = 0: whether it is so in the first step of a run only.
+def _looked_into(fault: Fault, expansions: Sequence[Expansion]) -> Fault:
+    """A fault that single steps of other kinds tell more about: they are made."""
+    name, factor = fault.term
+    if name == OF_ZERO and _starts_anew(expansions):
+        return fault._replace(words=f"{fault.words} at the start of each run")
+    if factor == 0.0 and name in _MADE_BY and _is_with_dt(name, expansions):
+        return Fault(by_power(name, 1.0), remedy=_ONCE)
+    if (name, factor) == ("all", 0.5) and _is_mean_velocity(expansions):
+        return Fault(
+            "the acceleration is counted half in the velocity, which is (x_new - x)/dt: that is "
+            "the mean velocity of the step, and contains dt/2 a",
+            remedy="v_new = (x_new - x) / dt + dt / 2 * a",
+        )
+    return fault
 
-    Two steps in a row then end elsewhere than one after another, of which each is the first.
-    """
-    if fault.words != _OF_ZERO:
-        return fault
+
+def _starts_anew(expansions: Sequence[Expansion]) -> bool:
+    """Whether two steps in a row end elsewhere than one after another, of which each is first."""
     for each in expansions:
         dt = each.ladder / 8.0
         after = each.samples.after(each.t, each.y, dt[:, None], 2)[:, 0]
         once, twice = after[:, 1], after[:, 2]
         again = each.samples.after(each.t + dt, once, dt[:, None], 1)[:, 0, 1]
         if np.max(np.abs(again - twice)) > _SPREAD * np.max(np.abs(twice)):
-            return fault._replace(words=f"{_OF_ZERO} at the start of each run")
-    return fault
+            return True
+    return False
 
 
-def _with_dt(fault: Fault, expansions: Sequence[Expansion]) -> Fault:
-    """Where a term is left out at dt = 0: whether it is there, multiplied by dt once more.
-
-    Then the velocities change with it by dt^2.
-    """
-    gone = " is left out"
-    name = next((n for n in _MADE_BY if fault.words == TERMS[n].name + gone), None)
-    if name is None:
-        return fault
+def _is_with_dt(name: str, expansions: Sequence[Expansion]) -> bool:
+    """Whether a term that is left out at dt = 0 changes velocities by dt^2."""
     for each in expansions:
         dt, args = each.ladder[:, None] / 8.0 * np.array([1.0, 0.5]), each.problem.args
         others = {field: 0.5 * getattr(args, field) for field in _MADE_BY[name]}
@@ -155,8 +143,19 @@ def _with_dt(fault: Fault, expansions: Sequence[Expansion]) -> Fault:
         own, other = (of.after(each.t, each.y, dt, 1)[:, :, 1, 1] for of in (each.samples, halved))
         long, short = np.max(np.abs(own - other), axis=(0, 2, 3))
         if not abs(np.log2(max(long, _TINY) / max(short, _TINY)) - 2.0) < _SQUARED:
-            return fault
-    return Fault(by_power(name, 1.0), remedy=_ONCE)
+            return False
+    return True
+
+
+def _is_mean_velocity(expansions: Sequence[Expansion]) -> bool:
+    """Whether the new velocity is the difference of the positions, divided by dt."""
+    for each in expansions:
+        dt = each.ladder / 8.0
+        after = each.samples.after(each.t, each.y, dt[:, None], 1)[:, 0, 1]
+        mean = (after[:, 0] - each.y[:, 0]) / dt[:, None, None]
+        if np.max(np.abs(mean - after[:, 1])) > _EXPLAINED * np.max(np.abs(mean)):
+            return False
+    return True
 
 
 def _fields(expansion: Expansion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -252,10 +251,11 @@ def _velocities(
         for each, own in zip(expansions, keeping, strict=True)
         for node in np.flatnonzero(each.problem.args.free)
     ]
-    laws = (*NODE_LAWS, *SPRING_LAWS)
     found: list[_Explanation] = []
     for several in range(3):
-        tried = (_explanation(nodes, size, law) for law in itertools.combinations(laws, several))
+        tried = (
+            _explanation(nodes, size, law) for law in itertools.combinations(OTHER_LAWS, several)
+        )
         found += [each for each in tried if each is not None]
         # Two at once explain much: only where nothing simpler names all.
         if several and any(not each.plain[0] for each in found):
@@ -268,26 +268,7 @@ def _velocities(
         for kind in dict.fromkeys(each.kind for each in best.factors)
     }
     evidence["rest"] = best.rest / size
-    return _with_mean_velocity(expansions, best.faults)
-
-
-def _with_mean_velocity(expansions: Sequence[Expansion], faults: list[Fault]) -> list[Fault]:
-    """Where half the acceleration is lost because a velocity is a difference of positions."""
-    if [fault.words for fault in faults] != ["the acceleration is counted half"]:
-        return faults
-    for each in expansions:
-        dt = each.ladder / 8.0
-        after = each.samples.after(each.t, each.y, dt[:, None], 1)[:, 0, 1]
-        mean = (after[:, 0] - each.y[:, 0]) / dt[:, None, None]
-        if np.max(np.abs(mean - after[:, 1])) > _EXPLAINED * np.max(np.abs(mean)):
-            return faults
-    return [
-        Fault(
-            "the acceleration is counted half in the velocity, which is (x_new - x)/dt: that is "
-            "the mean velocity of the step, and contains dt/2 a",
-            remedy="v_new = (x_new - x) / dt + dt / 2 * a",
-        )
-    ]
+    return best.faults
 
 
 class _Node:
@@ -334,68 +315,72 @@ def _explanation(nodes: Sequence[_Node], size: float, laws: tuple[str, ...]) -> 
             here = [each._replace(value=1.0) for each in here]
         factors += here
     own = [each for each in factors if each.kind not in laws]
-    if _SINE in laws and (late := _late(factors)) is not None:
+    left, faults = laws, []
+    if SINE in laws and (late := _late(factors)) is not None:
         # The driving force of another time is a sum of a cosine and a sine.
-        others = [each for each in own if each.kind != "drive"]
-        faults = [*mistakes_in(others), Fault(late, remedy=TERMS["drive"].remedy)]
-        laws = tuple(law for law in laws if law != _SINE)
-    else:
-        faults = mistakes_in(own)
-    for law in laws:
+        left = tuple(law for law in laws if law != SINE)
+        faults = [Fault(late, remedy=TERMS["drive"].remedy)]
+    faults += mistakes_in([each for each in own if not faults or each.kind != "drive"])
+    for law in left:
         # Where a spring is never slack, say, the force of slack springs has no coefficient.
         present = [each for each in factors if each.kind == law and each.value]
         if all(each.equals(0.0) for each in present):
             return None
-        faults.append(_law(law, present))
-    return _Explanation(_merged(faults), own, worst, len(laws))
+        faults = _with_law(faults, law, present)
+    return _Explanation(faults, own, worst, len(laws))
 
 
 def _late(factors: list[Factor]) -> str | None:
     """By how much the time in the driving force is late, if it is by the same on all ropes."""
-    turns: dict[tuple[int, int], complex] = {}
-    args = {id(each.place.args): each.place.args for each in factors}
-    # A rope may have no drive.
-    driven = (each for each in factors if hasattr(each.place.args, "drive"))
-    present = [each for each in driven if each.kind in ("drive", _SINE)]
-    for each in present:
-        place = id(each.place.args), each.place.node
-        own = turns.get(place, 0j)
-        # Each axis has the same.
-        cosine, sine = (each.value, own.imag) if each.kind == "drive" else (own.real, -each.value)
-        turns[place] = complex(cosine, sine)
-    spread = max((each.spread for each in present), default=0.0)
-    later = [np.angle(turn) / float(args[rope].frequency) for (rope, _), turn in turns.items()]
-    if not later or any(abs(abs(turn) - 1.0) > 10.0 * spread for turn in turns.values()):
-        return None
-    if np.ptp(later) > 10.0 * spread or abs(later[0]) <= 10.0 * spread:
-        return None
+    cosines = [each for each in factors if each.kind == "drive"]
+    sines = {
+        (id(each.place.args), each.place.node): each.value for each in factors if each.kind == SINE
+    }
+    turns = np.array(
+        [complex(e.value, -sines[id(e.place.args), e.place.node]) for e in cosines] or [0j]
+    )
+    rates = np.array([float(each.place.args.frequency) for each in cosines] or [1.0])
+    later, spread = np.angle(turns) / rates, 10.0 * max((e.spread for e in factors), default=0.0)
     off = float(np.mean(later))
+    if np.any(np.abs(np.abs(turns) - 1.0) > spread) or np.ptp(later) > spread or abs(off) <= spread:
+        return None
     return f"the driving force is that of t {'+' if off > 0 else '-'} {abs(off):.6g}"
 
 
-def _law(law: str, factors: list[Factor]) -> Fault:
-    """A force that is no term of a rope, from its coefficients at all places."""
-    remedy = TERMS["drive"].remedy if law.startswith("the driving force") else f"leave out {law}"
-    if law == NOT_JOINED:
+def _with_law(faults: list[Fault], name: str, factors: list[Factor]) -> list[Fault]:
+    """Faults, and a force that is no term of a rope.
+
+    Arguments:
+        faults: of the rope's own terms.
+        name: of the other law.
+        factors: its coefficients at all places.
+    """
+    law = OTHER_LAWS[name]
+    remedy = f"leave out {name}"
+    if name == NOT_JOINED:
         pairs = {
             tuple(sorted((each.place.node, each.place.element // 2)))
             for each in factors
             if not each.equals(0.0)
         }
         words = listed(f"{i}-{j}" for i, j in sorted(pairs))
-        return Fault(
-            f"there is a force between nodes {words}, which no spring joins", remedy=remedy
-        )
-    found = _multiples(factors, law in NODE_LAWS)
+        text = f"there is a force between nodes {words}, which no spring joins"
+        return [*faults, Fault(text, remedy=remedy)]
+    found = _multiples(factors, not law.of_springs)
     if found is None:
-        return Fault(f"there is {law}", named=False)
+        return [*faults, Fault(f"there is {name}", named=False)]
     words, text = found
-    if text + words == "-1" and law.startswith(_OF_SPRINGS):
-        return Fault(f"{law} is left out", remedy=TERMS["spring"].remedy)
-    if law == CONSTANT and words == _DAMPING:
+    gone = [fault for fault in faults if fault.term == (law.replaces, 0.0)]
+    if text + words == law.coefficient and law.words and (gone or not law.replaces):
+        # What is left out comes back in another form.
+        mended = gone[0].remedy if gone else TERMS["spring"].remedy
+        fault = Fault(law.words, remedy=mended, term=(name, 1.0))
+        return [fault, *(each for each in faults if each not in gone)]
+    if name == CONSTANT and words == PER_DAMPING:
         text = f"there is a wind of {text}: damping is that of the velocity less the wind's"
-        return Fault(text, remedy=TERMS["damping"].remedy)
-    return Fault(f"there is {law} (coefficient {text}{words})", remedy=remedy)
+        return [*faults, Fault(text, remedy=TERMS["damping"].remedy)]
+    text = f"there is {name} (coefficient {text}{words})"
+    return [*faults, Fault(text, remedy=remedy)]
 
 
 def _multiples(factors: list[Factor], in_parts: bool) -> tuple[str, str] | None:
@@ -416,23 +401,11 @@ def _multiples(factors: list[Factor], in_parts: bool) -> tuple[str, str] | None:
         spread = max(each.spread / scale(each.place) for each in factors)
         if all(np.ptp(of) <= 2.0 * spread * (1.0 + abs(of[0])) for of in parts.values()):
             means = [float(np.mean(parts[part])) for part in sorted(parts)]
+            if len(means) == 1:
+                return words, f"{means[0]:.6g}"
             texts = [f"{0.0 if abs(mean) <= spread else mean:.6g}" for mean in means]
-            return words, texts[0] if len(texts) == 1 else f"({', '.join(texts)})"
+            return words, f"({', '.join(texts)})"
     return None
-
-
-def _merged(faults: list[Fault]) -> list[Fault]:
-    """A term that is left out, and comes back in another form, as one fault."""
-    words = [fault.words for fault in faults]
-    for subject, start, verb in _FORMS:
-        gone = f"{subject} is left out"
-        back = [each for each in words if each.startswith(start) and each.endswith(_SAME_SIZE)]
-        if gone in words and back:
-            text = back[0].removeprefix(start).partition(" (coefficient")[0]
-            remedy = faults[words.index(gone)].remedy
-            rest = [fault for fault in faults if fault.words not in (gone, back[0])]
-            return [Fault(f"{subject}{verb} {text}", remedy=remedy), *rest]
-    return faults
 
 
 def _pins(expansions: Sequence[Expansion], words: str, half: int) -> list[Fault]:

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ropeode.theory.diagnosis import Fault
-from ropeode.theory.rope_terms import TermPlace
-from ropeode.theory.terms import KINDS, MISTAKES, NUMBERS, TERMS, Mistake, mass, times
+from ropeode.theory.rope_terms import LENGTH, TermPlace
+from ropeode.theory.terms import AXES, FACTORS, MISTAKES, TERMS, mass, times
 from ropeode.validation import listed
 
 # Of a number, what rounding two of its factors to float32 takes off at most.
@@ -36,149 +36,123 @@ class Factor(NamedTuple):
         return abs(self.value - other) <= self.spread * (1.0 + abs(other))
 
 
+# Of which terms the factors may be one at each node, and the name for what is then wrong.
+_FORCES = ("damping", "spring", "rest")
+_EVERY = ("gravity", "drive", *_FORCES)
+_WHOLE = (("all", _EVERY), ("mass", _EVERY), ("mass", _FORCES))
+# The number of a rope that makes a term, at a place. A mass divides what it makes.
+_NUMBERS: dict[str, Callable[[TermPlace], float]] = {
+    "gravity": lambda place: place.args.gravity.ravel()[place.element],
+    "drive": lambda place: place.args.drive[place.element],
+    "damping": lambda place: place.args.damping[place.node],
+    "spring": lambda place: place.args.stiffness[place.element],
+    "rest": lambda place: place.args.rest_length[place.element],
+    "mass": mass,
+}
+_BY_AXIS = ("gravity", "drive")
+
+
 def mistakes_in(factors: Sequence[Factor]) -> list[Fault]:
     """What is wrong with the terms of an equation.
 
     Arguments:
         factors: of all terms, at all nodes of several ropes.
     """
-    wrong = [each for each in factors if not each.equals(1.0)]
-    kinds = {each.kind for each in wrong}
-    by_kind = {kind: [each for each in factors if each.kind == kind] for kind in KINDS}
-    if whole := _of_all(by_kind):
-        return [whole]
     still = _nodes_that_stand_still(factors)
-    texts = [Fault(f"node {listed(still)} is held, though it is free")] if still else []
-    springs = {(id(each.place.args), *each.place[1:]): each.value for each in by_kind["spring"]}
-    if kinds & {"spring", "rest"} and all(
-        each.equals(springs.get((id(each.place.args), *each.place[1:]), np.nan))
-        for each in by_kind["rest"]
-    ):
+    faults = [Fault(f"node {listed(still)} is held, though it is free")] if still else []
+    factors = [each for each in factors if each.place.node not in still]
+    kinds = {each.kind for each in factors}
+    for name, some in _WHOLE if {"spring", "damping"} <= kinds else ():
+        nodes = _at_each_node([each for each in factors if each.kind in some])
+        # Without any force there is no mass.
+        massless = name == "mass" and any(each.equals(0.0) for each in nodes)
+        if not massless and (found := _named(name, TERMS[name].name, nodes)):
+            faults += found
+            factors = [each for each in factors if each.kind not in some]
+    springs = {_element(each): each.value for each in factors if each.kind == "spring"}
+    rests = [each for each in factors if each.kind == "rest"]
+    subject = TERMS["spring"].name
+    if all(each.equals(springs.get(_element(each), np.nan)) for each in rests):
         # One factor for both: it is the force that is off.
-        kinds -= {"rest"}
-    for kind in KINDS:
-        if kind in kinds:
-            subject = TERMS[kind].name
-            if kind == "spring" and not any(each.kind == "rest" for each in wrong):
-                subject = "the length in the spring force"
-            moving = [each for each in by_kind[kind] if each.place.node not in still]
-            own = _of_kind(kind, subject, moving)
-            texts += [fault._replace(remedy=TERMS[kind].remedy) for fault in own]
-    return texts
+        factors = [each for each in factors if each.kind != "rest"]
+    elif all(each.equals(1.0) for each in rests):
+        subject = LENGTH
+    for kind in _EVERY:
+        own = [each for each in factors if each.kind == kind]
+        words = subject if kind == "spring" else TERMS[kind].name
+        faults += _named(kind, words, own) or _far_off(kind, words, own)
+    return faults
 
 
-def _of_all(by_kind: dict[str, list[Factor]]) -> Fault | None:
-    """A mistake with the mass, or with all forces; None if the terms are off in different ways."""
-    forces = by_kind["spring"] + by_kind["rest"] + by_kind["damping"]
-    accelerations = by_kind["gravity"] + by_kind["drive"]
-    every = forces + accelerations
-    if not all({each.value for each in by_kind[kind]} - {1.0} for kind in ("spring", "damping")):
-        return None
-    right = all(each.equals(1.0) for each in accelerations)
-    for mistake in MISTAKES["mass"] if _of_several_ropes(every) else ():
-        if _explains(mistake, forces if right else every):
-            return Fault(f"the mass {mistake.words}", remedy=TERMS["mass"].remedy)
-    if not forces[0].equals(1.0) and all(each.equals(forces[0].value) for each in forces):
-        if right and not forces[0].equals(0.0):
-            inverse = forces[0]._replace(value=1.0 / forces[0].value)
-            return Fault(f"the mass {_times(inverse)}", remedy=TERMS["mass"].remedy)
-        if all(each.equals(forces[0].value) for each in accelerations):
-            return Fault(f"the acceleration {_times(forces[0])}", remedy=TERMS["all"].remedy)
-    return _of_nodes(forces if right else every, right)
+def _element(factor: Factor) -> tuple[int, int, int]:
+    return id(factor.place.args), factor.place.node, factor.place.element
 
 
-def _of_nodes(factors: list[Factor], right: bool) -> Fault | None:
-    """A mass that is off at some nodes, or not the rope's; None if a node's terms disagree.
-
-    Arguments:
-        factors: of all forces, or of all terms.
-        right: whether those that are left out are right.
-    """
+def _at_each_node(factors: list[Factor]) -> list[Factor]:
+    """The one factor of all terms at each node of each rope; none if they differ."""
     nodes: dict[tuple[int, int], list[Factor]] = {}
     for each in factors:
-        nodes.setdefault((each.place.node, id(each.place.args)), []).append(each)
-    if any(
-        each.equals(0.0) or not each.equals(of[0].value) for of in nodes.values() for each in of
-    ):
-        return None
+        nodes.setdefault(_element(each)[:2], []).append(each)
     firsts = [of[0] for of in nodes.values()]
-    wrong = [each for each in firsts if not each.equals(1.0)]
-    if not wrong:
-        return None
-    if all(each.equals(wrong[0].value) for each in wrong):
-        where = f"at node {listed(sorted({each.place.node for each in wrong}))}"
-        if right:
-            inverse = wrong[0]._replace(value=1.0 / wrong[0].value)
-            return Fault(f"the mass {_times(inverse)} {where}", remedy=TERMS["mass"].remedy)
-        return Fault(f"the acceleration {_times(wrong[0])} {where}", remedy=TERMS["all"].remedy)
-    if not _of_several_ropes(factors):
-        return None
-    own = _own_numbers([(each.place.node, mass(each.place) / each.value) for each in firsts], wrong)
-    return None if own is None else Fault(f"the mass is {own}", remedy=TERMS["mass"].remedy)
+    agree = all(each.equals(of[0].value) for of in nodes.values() for each in of)
+    return firsts if agree else []
 
 
 def _nodes_that_stand_still(factors: Sequence[Factor]) -> list[int]:
     """Nodes at which all terms are left out, unless they are so at all nodes."""
-    nodes = sorted({each.place.node for each in factors})
-    still = [
-        node
-        for node in nodes
-        if all(each.equals(0.0) for each in factors if each.place.node == node)
-    ]
-    return [] if still == nodes else still
+    moving = {each.place.node for each in factors if not each.equals(0.0)}
+    return sorted({each.place.node for each in factors} - moving) if moving else []
 
 
-def _of_kind(kind: str, subject: str, factors: list[Factor]) -> list[Fault]:
+def _named(name: str, subject: str, factors: list[Factor]) -> list[Fault]:
+    """What is wrong with terms that one number makes; nothing if they are right, or nobody knows.
+
+    Arguments:
+        name: of `TERMS`.
+        subject: of the sentence.
+        factors: at all places.
+    """
     wrong = [each for each in factors if not each.equals(1.0)]
     if not wrong:
         return []
-    several = _of_several_ropes(factors)
-    for mistake in (*MISTAKES[kind], *NUMBERS) if several else NUMBERS:
-        if _explains(mistake, factors):
-            return [Fault(f"{subject} {mistake.words}")]
-    if several and (own := _own_number(kind, factors)) is not None:
-        subject = "the stiffness" if kind == "spring" else subject
-        return [Fault(f"{subject} is {own}")]
-    if several and kind == "damping" and (growth := _growth(factors)) is not None:
-        return [Fault(f"there is an acceleration of {growth:.6g} times the velocity too much")]
-    axes = sorted({each.place.element for each in wrong})
-    if kind in ("gravity", "drive") and len(axes) < len({e.place.element for e in factors}):
+    remedy = TERMS[name].remedy
+    # One rope cannot tell a factor from one that depends on the parameters.
+    several = len({id(each.place.args) for each in factors}) > 1
+    for mistake in MISTAKES.get(name, ()) if several else ():
+        if all(each.equals(mistake.factor(each.place)) for each in factors):
+            return [Fault(f"{subject} {mistake.words}", remedy=remedy)]
+    axes = {each.place.element for each in wrong}
+    if name in _BY_AXIS and axes < {each.place.element for each in factors}:
+        by_axis = {
+            axis: [each for each in factors if each.place.element == axis] for axis in sorted(axes)
+        }
         return [
             fault
-            for axis in axes
-            for fault in _of_kind(
-                kind,
-                f"the {'xyz'[axis]} component of {subject}",
-                [each for each in factors if each.place.element == axis],
-            )
+            for axis, own in by_axis.items()
+            for fault in _named(name, f"the {AXES[axis]} component of {subject}", own)
+            or _far_off(name, subject, own)
         ]
-    if all(each.equals(wrong[0].value) for each in wrong):
-        text = f"{subject} {_times(wrong[0])}"
-        return [Fault(text if len(wrong) == len(factors) else f"{text} {_where(kind, wrong)}")]
-    low, high = (
-        0.0 if each.equals(0.0) else each.value
-        for pick in (min, max)
-        for each in [pick(wrong, key=lambda factor: factor.value)]
-    )
+    first = wrong[0]
+    if all(each.equals(first.value) for each in wrong):
+        shown = first._replace(value=1.0 / first.value) if name == "mass" else first
+        everywhere = len(wrong) == len(factors)
+        where = "" if everywhere else f" {_where(name, wrong)}"
+        value = next((each for each in FACTORS.values() if first.equals(each)), first.value)
+        term = (name if subject == TERMS[name].name else subject, value if everywhere else 1.0)
+        return [Fault(f"{subject} {_times(shown)}{where}", remedy=remedy, term=term)]
+    own = _own_numbers(name, factors) if several else None
+    subject = "the stiffness" if name == "spring" else subject
+    return [Fault(f"{subject} is {own}", remedy=remedy)] if own else []
+
+
+def _far_off(kind: str, subject: str, factors: list[Factor]) -> list[Fault]:
+    """How far terms are off, if nobody knows why."""
+    wrong = sorted((each for each in factors if not each.equals(1.0)), key=lambda each: each.value)
+    if not wrong:
+        return []
+    low, high = (0.0 if each.equals(0.0) else each.value for each in (wrong[0], wrong[-1]))
     text = f"{subject} is {low:.4g} to {high:.4g} times what it should be {_where(kind, wrong)}"
-    return [Fault(text, named=False)]
-
-
-def _of_several_ropes(factors: Sequence[Factor]) -> bool:
-    """Whether the terms are of ropes with different parameters.
-
-    One rope cannot tell a factor from one that depends on the parameters.
-    """
-    return len({id(each.place.args) for each in factors}) > 1
-
-
-def _growth(factors: list[Factor]) -> float | None:
-    """What is added to all damping rates, if it is the same for all nodes."""
-    values = [
-        (1.0 - each.value) * each.place.args.damping[each.place.node] / mass(each.place)
-        for each in factors
-    ]
-    return values[0] if np.ptp(values) <= factors[0].spread * (1.0 + abs(values[0])) else None
+    return [Fault(text, named=False, remedy=TERMS[kind].remedy)]
 
 
 def _where(kind: str, wrong: list[Factor]) -> str:
@@ -199,57 +173,30 @@ def _times(factor: Factor) -> str:
     return times(factor.value, factor.equals)
 
 
-def _own_number(kind: str, factors: list[Factor]) -> str | None:
-    """A number that stands in place of the problem's on all ropes."""
-    claimed: dict[str, Callable[[TermPlace], float]] = {
-        "gravity": lambda place: place.args.gravity.ravel()[place.element],
-        "damping": lambda place: place.args.damping[place.node],
-        "spring": lambda place: place.args.stiffness[place.element],
-        "rest": lambda place: place.args.rest_length[place.element],
-    }
-    if kind not in claimed:
-        return None
-    parts = [(each.place.element, each.value * claimed[kind](each.place)) for each in factors]
-    return _own_numbers(parts, factors, kind != "gravity")
-
-
-def _own_numbers(
-    parts: list[tuple[int, float]], factors: list[Factor], one: bool = True
-) -> str | None:
-    """Numbers that are the same on all ropes, in words; None if they are not.
+def _own_numbers(name: str, factors: list[Factor]) -> str | None:
+    """The numbers that stand in place of the problem's, in words; None if ropes have others.
 
     Arguments:
-        parts: of which part each is, and the number.
-        factors: that they are from.
-        one: whether a single number stands for equal ones.
+        name: of `_NUMBERS`; others have no number.
+        factors: at all places of several ropes.
     """
-    by_part: dict[int, list[float]] = {}
-    for part, value in parts:
-        by_part.setdefault(part, []).append(value)
-    spread = max(each.spread for each in factors)
-
-    def differ(values: list[float]) -> bool:
-        return bool(np.ptp(values) > 4.0 * spread * (1.0 + abs(values[0])))
-
-    if any(differ(values) for values in by_part.values()):
+    if name not in _NUMBERS:
         return None
-    means = [float(np.mean(values)) for _, values in sorted(by_part.items())]
-    numbers = [_own_in_words(mean, spread) for mean in means]
-    everywhere = "on every rope, whatever the problem says"
-    if len(numbers) == 1 or (one and not differ(means)):
-        return f"{numbers[0]} {everywhere}"
-    if one:
-        everywhere = f"at {listed(sorted(by_part))} {everywhere}, as if kept from the first rope"
-    return f"({', '.join(numbers)}) {everywhere}"
-
-
-def _own_in_words(value: float, spread: float) -> str:
-    """A number with six digits, and whether float32 has rounded it."""
-    text = f"{0.0 if abs(value) <= spread else value:.6g}"
-    off, rounded = value - float(text), float(np.float32(float(text)))
-    near = spread * (1.0 + abs(value))
-    return f"{text} in float32" if abs(off) > near >= abs(value - rounded) else text
-
-
-def _explains(mistake: Mistake, factors: list[Factor]) -> bool:
-    return all(each.equals(mistake.factor(each.place)) for each in factors)
+    parts: dict[int, list[float]] = {}
+    for each in factors:
+        number = _NUMBERS[name](each.place)
+        part = each.place.node if name == "mass" else each.place.element
+        own = number / each.value if name == "mass" else number * each.value
+        parts.setdefault(part, []).append(own)
+    spread = max(each.spread for each in factors)
+    if any(np.ptp(values) > 4.0 * spread * (1.0 + abs(values[0])) for values in parts.values()):
+        return None
+    means = [float(np.mean(parts[part])) for part in sorted(parts)]
+    texts = [f"{0.0 if abs(mean) <= spread else mean:.6g}" for mean in means]
+    numbers = texts[0] if len(set(texts)) == 1 else f"({', '.join(texts)})"
+    if name in _BY_AXIS or numbers == texts[0]:
+        return f"{numbers} on every rope, whatever the problem says"
+    return (
+        f"{numbers} at {listed(sorted(parts))} on every rope, whatever the problem says, as if "
+        "kept from the first rope"
+    )

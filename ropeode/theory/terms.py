@@ -99,8 +99,6 @@ TERMS = {
         for axis in AXES
     },
 }
-# The kinds of terms whose factors single steps show.
-KINDS = ("gravity", "drive", "damping", "spring", "rest", "mass", "velocity")
 
 
 def said(name: str, value: float, equals: Callable[[float], bool] | None = None) -> str:
