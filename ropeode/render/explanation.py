@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections import defaultdict
+from collections.abc import Mapping
 from typing import Any
 
 from ropeode.analysis import AGREE
+from ropeode.problems import Problem
 from ropeode.render import table_words
 from ropeode.render.markup import Block, Grid, Heading, Paragraph, Section
 from ropeode.render.results import blocks, line, rows
-from ropeode.steppers import ProblemClass
-from ropeode.study import AccuracyTable, ClassOrder, Explanation, LocalQuantity, LocalStep, Part
-from ropeode.study.error_constant import ErrorConstant
+from ropeode.study import ClassOrder, Explanation, LocalQuantity, LocalStep, Part
 from ropeode.theory import (
     SOLVES_ANOTHER,
     LinearStability,
@@ -20,7 +20,6 @@ from ropeode.theory import (
     Property,
     StabilityLimits,
     StableInterval,
-    StableSteps,
     StepDifference,
 )
 from ropeode.validation import listed
@@ -42,18 +41,19 @@ def _(explanation: Explanation) -> str:
     local = explanation.orders[0].local
     observed = table_words.observed_words(explanation.tables[0].orders[0].order)
     local_words = "not known" if local is None else str(local) if local > 0 else "none"
-    return f"{title(explanation)}; local order {local_words}, observed {observed}"
+    return f"{_title(explanation)}; local order {local_words}, observed {observed}"
 
 
 @blocks.register
 def _(explanation: Explanation) -> list[Block]:
+    remark = table_words.order_remark(explanation.tables[0].orders[0])
     return [
-        Heading(title(explanation)),
-        *_other_problem(explanation),
-        Paragraph(summary(explanation)),
-        *(Paragraph(words) for words in likeness_words(explanation)),
+        Heading(_title(explanation)),
+        *([Paragraph(_sentence(remark))] if remark is not None else []),
+        Paragraph(_summary(explanation)),
+        *(Paragraph(words) for words in _likeness_words(explanation)),
         Section("One step"),
-        Paragraph(" ".join(step_words(explanation.local))),
+        Paragraph(" ".join(_step_words(explanation.local))),
         _local_grid(explanation),
         Section("Order"),
         *_order_blocks(explanation),
@@ -63,23 +63,16 @@ def _(explanation: Explanation) -> list[Block]:
         *_stability_blocks(explanation.stability),
         Section("Structure"),
         *_structure_blocks(explanation.structure),
-        *(Paragraph(words) for words in energy_words(explanation.modified)),
+        *(Paragraph(words) for words in _energy_words(explanation.modified)),
         Paragraph(table_words.reference_words(explanation.tables[0])),
     ]
 
 
-def _other_problem(explanation: Explanation) -> list[Block]:
-    """A warning that a stepper is meant for other problems."""
-    words = table_words.order_remark(explanation.tables[0].orders[0])
-    return [] if words is None else [Paragraph(f"{words[0].upper()}{words[1:]}.")]
-
-
-def title(explanation: Explanation) -> str:
-    """The stepper and the problem."""
+def _title(explanation: Explanation) -> str:
     return f"{explanation.stepper}: {table_words.problem_words(explanation.problem)}"
 
 
-def summary(explanation: Explanation) -> str:
+def _summary(explanation: Explanation) -> str:
     """The order in theory, in runs, and as it is declared; and what to change, if that is known."""
     local, declared = explanation.local, explanation.orders[0].declared
     if local.order is None and local.at_least < 1:
@@ -107,7 +100,7 @@ def summary(explanation: Explanation) -> str:
     return f"{words} Fix: {remedy}." if remedy else words
 
 
-def step_words(local: LocalStep) -> list[str]:
+def _step_words(local: LocalStep) -> list[str]:
     """What one step does, sentence by sentence."""
     words = [_identity_words(local)]
     if local.order is None or local.order > -1:
@@ -200,31 +193,21 @@ def _local_grid(explanation: Explanation) -> Grid:
     known = local.order is not None and local.order >= 1
     if known:
         headers.insert(4, f"error/dt^{local.order + 1}")  # type: ignore[operator]
+    kind = "component" if explanation.problem.mechanics is None else "node"
     quantities = []
     for each in local.quantities:
-        shown = _shown_part(local, each)
+        shown = each.identity if local.order == -1 else each.local_error or each.rate
         row = [
             each.quantity,
             f"> {each.at_least - 1}" if each.order is None else str(each.order),
             _size(each.identity),
             _size(each.rate) if local.order != -1 else "-",
-            f"{_node(explanation, shown)}t = {shown.time:.4g}" if shown.known else "-",
+            f"{kind} {shown.index}, t = {shown.time:.4g}" if shown.known else "-",
         ]
         if known:
             row.insert(4, _size(each.local_error) if each.local_error else "-")
         quantities.append(row)
     return Grid(headers, quantities, left=frozenset({0, len(headers) - 1}))
-
-
-def _shown_part(local: LocalStep, each: LocalQuantity) -> Part:
-    if local.order == -1:
-        return each.identity
-    return each.rate if each.local_error is None else each.local_error
-
-
-def _node(explanation: Explanation, part: Part) -> str:
-    kind = "node" if explanation.problem.mechanics is not None else "component"
-    return f"{kind} {part.index}, "
 
 
 def _size(part: Part) -> str:
@@ -235,7 +218,7 @@ def _size(part: Part) -> str:
     return f"< {bound:.0e}" if bound else "0"
 
 
-def likeness_words(explanation: Explanation) -> list[str]:
+def _likeness_words(explanation: Explanation) -> list[str]:
     """Which steppers of ropeode make the same steps, and how far the one that was named is."""
     words = []
     if (other := explanation.compared) is not None:
@@ -270,7 +253,7 @@ def _order_blocks(explanation: Explanation) -> list[Block]:
     observed = table_words.order_cells(table, table.orders[0])
     classes = [
         (
-            class_words(each, explanation),
+            _class_words(each, explanation.problem),
             _local_order(each),
             f"{observed[2]} {observed[3]}" if each.own and observed[2] != "-" else "-",
             "-" if each.declared is None else str(each.declared or "none"),
@@ -293,20 +276,13 @@ def _order_blocks(explanation: Explanation) -> list[Block]:
     return parts
 
 
-def class_words(each: ClassOrder, explanation: Explanation) -> str:
-    """A class of problems in words."""
-    own = " (this one)" if each.own else ""
-    if explanation.problem.mechanics is None:
-        return f"first-order{own}"
-    return f"{_class(each.of_class)}{own}"
-
-
-def _class(of_class: ProblemClass) -> str:
-    words = ["damped" if of_class.damped else "undamped"]
-    words.append("from rest" if of_class.at_rest else "moving at the start")
-    if of_class.rigid:
-        words.append("rigid")
-    return ", ".join(words)
+def _class_words(each: ClassOrder, problem: Problem) -> str:
+    words, of = ["first-order"], each.of_class
+    if problem.mechanics is not None:
+        words = ["damped" if of.damped else "undamped"]
+        words.append("from rest" if of.at_rest else "moving at the start")
+        words += ["rigid"] * of.rigid
+    return ", ".join(words) + " (this one)" * each.own
 
 
 def _local_order(each: ClassOrder) -> str:
@@ -316,23 +292,23 @@ def _local_order(each: ClassOrder) -> str:
 
 
 def _constant_blocks(explanation: Explanation) -> list[Block]:
-    constants = []
-    for table, constant in _constants(explanation):
+    cells, norms_by_words = [], defaultdict(list)
+    for table in explanation.tables:
+        order, norm = table.orders[0], table.norm.name
+        constant = order.constant
+        assert constant is not None
+        steps = [
+            table_words.steps_at(table, order.stepper, dt)
+            for dt in (constant.dt, constant.agree_10_percent, constant.agree_1_percent)
+        ]
         if constant.order is not None:
-            constants.append(
-                (
-                    table.norm.name,
-                    str(constant.order),
-                    "-" if constant.predicted is None else f"{constant.predicted:.5g}",
-                    "-" if constant.measured is None else f"{constant.measured:.5g}",
-                    "-" if constant.dt is None else _steps_at(table, constant.dt),
-                    "-" if constant.ratio is None else f"{constant.ratio:.4f}",
-                    _steps_at(table, constant.agree_10_percent),
-                    _steps_at(table, constant.agree_1_percent),
-                )
-            )
+            numbers = (_number(constant.predicted, ".5g"), _number(constant.measured, ".5g"))
+            ratio = _number(constant.ratio, ".4f")
+            cells.append((norm, str(constant.order), *numbers, steps[0], ratio, *steps[1:]))
+        if constant.ratio is None or abs(constant.ratio - 1.0) > AGREE:
+            norms_by_words[table_words.constant_words(table, order)].append(norm)
     parts: list[Block] = []
-    if constants:
+    if cells:
         last = explanation.reference.trusted - 1
         parts += [
             Paragraph(
@@ -342,70 +318,31 @@ def _constant_blocks(explanation: Explanation) -> list[Block]:
                 "open less than 1% of the error. The last columns say from how many steps per "
                 "frame on, up to there, the two agree to 10% and to 1%."
             ),
-            Grid(_CONSTANTS, constants, left=frozenset({0})),
+            Grid(_CONSTANTS, cells, left=frozenset({0})),
         ]
-    return parts + [Paragraph(words) for words in constant_words(explanation)]
+    return parts + [
+        Paragraph(f"{listed(norms)}: {words}.") for words, norms in norms_by_words.items()
+    ]
 
 
-def _constants(explanation: Explanation) -> Iterator[tuple[AccuracyTable, ErrorConstant]]:
-    for table in explanation.tables:
-        constant = table.orders[0].constant
-        assert constant is not None
-        yield table, constant
-
-
-def constant_words(explanation: Explanation) -> list[str]:
-    """Where a constant is missing, or is not what was predicted."""
-    words = []
-    by_reason: dict[str, list[str]] = {}
-    for table, constant in _constants(explanation):
-        if constant.why is not None:
-            by_reason.setdefault(constant.why, []).append(table.norm.name)
-    for why, norms in by_reason.items():
-        of = "" if len(norms) == len(explanation.tables) else f" of {listed(norms)}"
-        words.append(f"No error constant{of} is predicted: {why}.")
-    alone = [table.norm.name for table, each in _constants(explanation) if _stands_alone(each)]
-    if alone:
-        words.append(
-            f"No run can be held against the prediction of {listed(alone)}: at each step size the "
-            "run is unstable, or rounding and the reference leave open more than 1% of its error."
-        )
-    for table, constant in _constants(explanation):
-        if (sentence := _ratio_words(table, constant)) is not None:
-            words.append(sentence)
-    return words
-
-
-def _stands_alone(constant: ErrorConstant) -> bool:
-    return constant.predicted is not None and constant.ratio is None
-
-
-def _ratio_words(table: AccuracyTable, constant: ErrorConstant) -> str | None:
-    if constant.ratio is None or abs(constant.ratio - 1.0) <= AGREE:
-        return None
-    name = table.norm.name
-    where = f"at {_steps_at(table, constant.dt)} steps per frame, the most that can be used"
-    return (
-        f"In {name} the error {where}, is {constant.ratio:.3g} times what is predicted: "
-        f"{table_words.unlike_words(constant)}."
-    )
-
-
-def _steps_at(table: AccuracyTable, dt: float | None) -> str:
-    return table_words.steps_at(table, table.orders[0].stepper, dt)
+def _number(value: float | None, form: str) -> str:
+    return "-" if value is None else f"{value:{form}}"
 
 
 def _stability_blocks(found: LinearStability) -> list[Block]:
     parts: list[Block] = []
     if found.limits is not None:
         parts.append(Paragraph(_limits_words(found.limits)))
-    limits = [
-        (where, _steps(predicted and predicted.steps), _dt(predicted and predicted.steps), measured)
-        for where, predicted, measured in (
-            ("along the solution", found.predicted, _count(found.bounded_from)),
-            ("about its equilibrium", found.predicted_at_rest, _steps(found.measured_at_rest)),
-        )
-    ]
+    rest = found.measured_at_rest
+    limits = []
+    for where, predicted, measured in (
+        ("along the solution", found.predicted, found.bounded_from),
+        ("about its equilibrium", found.predicted_at_rest, rest and rest.steps_per_frame),
+    ):
+        steps = predicted and predicted.steps
+        dt = steps.dt if steps is not None and 0.0 < steps.dt < math.inf else None
+        count = steps and steps.steps_per_frame
+        limits.append((where, _number(count, "d"), _number(dt, ".5g"), _number(measured, "d")))
     if limits := [row for row in limits if any(cell != "-" for cell in row[1:])]:
         parts += [
             Paragraph(
@@ -436,18 +373,6 @@ def _interval_words(interval: StableInterval, size: str) -> str:
     return f"is stable at no {size}: a step multiplies it by 1 + {term} and smaller terms"
 
 
-def _steps(found: StableSteps | None) -> str:
-    return "-" if found is None else _count(found.steps_per_frame)
-
-
-def _count(steps: int | None) -> str:
-    return "-" if steps is None else str(steps)
-
-
-def _dt(found: StableSteps | None) -> str:
-    return f"{found.dt:.5g}" if found is not None and 0.0 < found.dt < math.inf else "-"
-
-
 def _structure_blocks(found: Mapping[str, Property] | str) -> list[Block]:
     if isinstance(found, str):
         return [Paragraph(f"There is nothing to say: {found}.")]
@@ -455,16 +380,16 @@ def _structure_blocks(found: Mapping[str, Property] | str) -> list[Block]:
         (
             name,
             _HOLDS[each.holds],
-            "-" if each.defect is None else f"{each.defect:.1e}",
+            _number(each.defect, ".1e"),
             "-" if each.power is None else f"dt^{each.power}" if each.power else "stays",
             "-" if each.holds is None else f"{each.dt:.3g}",
         )
         for name, each in found.items()
     ]
-    by_note: dict[str, list[str]] = {}
+    by_note = defaultdict(list)
     for name, each in found.items():
         if each.note:
-            by_note.setdefault(each.note, []).append(name)
+            by_note[each.note].append(name)
     return [
         Paragraph("Without damping, by what part one step misses what the exact solution keeps:"),
         Grid(_STRUCTURE, properties, left=frozenset({0, 1})),
@@ -472,7 +397,7 @@ def _structure_blocks(found: Mapping[str, Property] | str) -> list[Block]:
     ]
 
 
-def energy_words(found: ModifiedEnergy | str | None) -> list[str]:
+def _energy_words(found: ModifiedEnergy | str | None) -> list[str]:
     """What a symplectic step keeps better than the energy."""
     if found is None:
         return []

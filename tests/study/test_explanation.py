@@ -60,7 +60,7 @@ def test_a_wrong_step_and_orders_of_other_classes():
     assert velocity.identity.factor == pytest.approx(-5e-5, rel=1e-4)
     text = " ".join(format_explanation(wrong).split())
     assert "Each step multiplies velocities by 0.99995, whatever dt is" in text
-    assert "No error constant is predicted" in text
+    assert "no error is predicted: " in text
     assert wrong.tables[0].orders[0].constant.predicted is None
     found = explain_stepper("stormer-verlet:start=rest", known, steps_per_frame=STEPS)
     orders = {tuple(each.of_class[:2]): (each.local or 0, each.declared) for each in found.orders}

@@ -63,6 +63,9 @@ _ITERATIONS = 20
 # A program that is so much farther from the positions in one file than in another one grows without
 # bound there.
 _GROWN = 2.0
+# Where the right program of a method is so many times closer than that of another one, no change of
+# the other one is what was made.
+_CLOSER = 10.0
 # Pairs of changes are many: they are sought in runs with at most so many steps in a frame, with all
 # digits.
 _MOST_STEPS_OF_PAIRS = 64
@@ -215,6 +218,7 @@ class _Run:
         self._motion = motion or math.nan
         rounding = last_digit(self.positions)
         self.same = max(_SAME, _OF_ROUNDING * rounding / self._motion)
+        self._from_right: dict[Method, float] = {}
 
     @property
     def usable(self) -> bool:
@@ -246,6 +250,13 @@ class _Run:
         """
         apart = (motion - self.positions[1 : motion.shape[1] + 1]) / self._motion
         return np.nan_to_num(apart.reshape(len(motion), -1), nan=np.inf)
+
+    def from_right(self, method: Method) -> float:
+        """How far the right program of a method is from the positions."""
+        if method not in self._from_right:
+            apart = self.misfits(self.motion(method, right_terms(1), self.by_number()))
+            self._from_right[method] = float(np.max(np.abs(apart)))
+        return self._from_right[method]
 
     def motion(
         self,
@@ -447,8 +458,10 @@ def programs_of(
     in_pairs = [Change((name,)) for name in _IN_PAIRS if name in own - {unlikely}]
     methods = METHODS[kind]
     fine = known[0].by_number()[0] > _MOST_STEPS_OF_ITERATIONS
-    quick = tuple(each for each in methods if not each.iterates)
-    cheap = quick if fine else methods
+    with np.errstate(all="ignore"):  # Programs that blow up.
+        close = _close(methods, known[0])
+    quick = tuple(each for each in close if not each.iterates)
+    cheap = quick if fine else close
     mistaken = MISTAKEN if kind == "springs" else ()
     searches: dict[int, Sequence[tuple[tuple[Method, ...], Callable[[Method], list[Program]]]]] = {
         1: (
@@ -457,7 +470,7 @@ def programs_of(
             (mistaken, lambda method: _programs(method, right, known, _Run.by_number)),
             (cheap, lambda method: _programs(method, mistakes, known, _Run.by_number)),
             (cheap, lambda method: _programs(method, changed, longer, _Run.by_number)),
-            (methods if rope else (), lambda method: _in_single(method, longer)),
+            (close if rope else (), lambda method: _in_single(method, longer)),
         ),
         2: (
             (quick, lambda method: _programs(method, both, of_pairs, _Run.by_number)),
@@ -479,6 +492,13 @@ def programs_of(
                     simple = [_of_methods(simple, damped=problem_class(problem).damped)]
                 return tuple(_named(each, problem, unforced) for each in simple)
     return ()
+
+
+def _close(methods: Sequence[Method], run: _Run) -> tuple[Method, ...]:
+    """The methods that a run may have, where some are far closer to it than others."""
+    apart = [run.from_right(method) for method in methods]
+    most = _CLOSER * max(min(apart), run.same)
+    return tuple(method for method, far in zip(methods, apart, strict=True) if far <= most)
 
 
 def _of_methods(programs: Sequence[Program], *, damped: bool) -> Program:
@@ -602,10 +622,7 @@ def _with_two_changes(
     ]
     if not short:
         return []
-    apart = [
-        np.max(np.abs(run.misfits(run.motion(method, right_terms(1), run.by_number()))))
-        for run in short
-    ]
+    apart = [run.from_right(method) for run in short]
     # Where the right program grows without bound, no step leads from it to another one.
     base = next(run for run, far in zip(short, apart, strict=True) if far <= _GROWN * min(apart))
     runs = [base, *(run for run in runs if run is not base)]

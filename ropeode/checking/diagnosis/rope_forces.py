@@ -131,7 +131,8 @@ class Forces:
         self._old_gravity: np.ndarray | float = 0.0
         springs_at = np.ones(len(args.mass))
         springs_at[1:-1] = 2.0
-        self._further = -of["further"] - of["per_spring"] * springs_at
+        further = -of["further"] - of["per_spring"] * springs_at
+        self._further = further if np.any(further) else None
         self._drag, self._moves = -of["damping"] * args.damping, of["all"] * args.free
         if hasattr(args, "stiffness"):
             self._stiffness = of["spring"] * args.stiffness
@@ -156,7 +157,9 @@ class Forces:
         of, gravity = self._of, self._gravity
         if "kept" in of:
             v = v / of["kept"]
-        force = (self._lawful("damping", self._drag, v=v) + self._further) * v
+        force = self._lawful("damping", self._drag, v=v) * v
+        if self._further is not None:
+            force += self._further * v
         if hasattr(self._args, "stiffness"):
             pull = self._pull(x, v)
             force[:, :, :-1] += self._times("first_ends", pull)
