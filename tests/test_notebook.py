@@ -7,9 +7,7 @@ import re
 import sys
 from pathlib import Path
 
-import nbformat
 import pytest
-from nbclient import NotebookClient
 
 import ropeode
 from tests.results import kinds
@@ -23,6 +21,9 @@ MOST_SECONDS = 300
 @pytest.fixture(scope="module")
 def client(tmp_path_factory):
     """The notebook, executed."""
+    import nbformat  # Slow to import, as is the client.
+    from nbclient import NotebookClient
+
     notebook = nbformat.read(NOTEBOOK, as_version=4)
     # The kernel is this interpreter, whatever is registered on the machine.
     environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}

@@ -48,7 +48,10 @@ ADVICE = [
     # Too coarse for the power law.
     ("rk4", (8, 12, 16), {}, "agree with those of rk4; add "),
     # Too fine for the reference, and so for a difference between steppers.
-    ("rk4", (2048, 4096, 8192), {"expected_order": 4}, "velocity-verlet and rk4; add runs"),
+    pytest.param(
+        *("rk4", (2048, 4096, 8192), {"expected_order": 4}, "velocity-verlet and rk4; add runs"),
+        marks=pytest.mark.slow,
+    ),
     # So fine that errors grow again.
     ("stormer-verlet", (4096, 8192, 16384), {"expected_order": 2}, "add runs with 16, 32 and 64 "),
     # With all digits these are enough.

@@ -10,7 +10,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import nbformat
 import pytest
 import yaml
 
@@ -134,6 +133,8 @@ def otter(tmp_path_factory, said_by):
 )
 def test_a_notebook_has_points_by_otter(otter, text, points, says, tmp_path):
     """A teacher has a zip file of tests, and the notebooks of students."""
+    import nbformat  # Slow to import.
+
     cells = ["import otter\ngrader = otter.Notebook()", text, 'grader.check("stepper")']
     cells = [nbformat.v4.new_code_cell(each) for each in cells]
     notebook = tmp_path / "submission.ipynb"

@@ -10,7 +10,6 @@ import subprocess
 import sys
 import time
 
-import nbformat
 import pytest
 
 from tests.browser import LONGEST
@@ -122,6 +121,8 @@ def use(opened):
 
 
 def test_jupyterlab_shows_it_saves_it_and_exports_it(opened, tmp_path):
+    import nbformat  # Slow to import.
+
     notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(CELL)])
     notebook.metadata["kernelspec"] = {"name": "python3", "display_name": "Python 3"}
     path = tmp_path / "lab.ipynb"
