@@ -33,8 +33,6 @@ EXPLAINED = {name for name in CHECKS if name.startswith("order-")} | {
 }
 # Those that tell a method from another one of the same order.
 _OF_A_METHOD = {"stability", "energy", "symplectic", "reversible"}
-# Names of checks that are made no more, and the one that finds what they found.
-_REPLACED = dict.fromkeys(("far-states", "sizes", "scales"), "thresholds")
 # A step that seems to obey a threshold may be one that differs from call to call.
 _THRESHOLDS = ("time-shift", "thresholds")
 
@@ -104,48 +102,25 @@ def check_stepper(
         stepper = as_stepper(step)
         _require(stepper)
         claims = claims if claims != Claims() else own_claims(stepper)
-        needed = [each for name, each in convergence_problems().items() if f"order-{name}" in names]
-        references_ahead(needed)
-        driven = convergence_problems()["driven"]
-        what = functools.partial(progress, "trial", 0.0)
+        ropes = convergence_problems()
+        needed = [each for name, each in ropes.items() if f"order-{name}" in names]
+        references_ahead(sorted(needed, key=lambda problem: problem.equal_frames))
         trial = within(
-            limit, "a trial of a few steps", lambda: trial_of(stepper, driven), meanwhile=what
+            limit,
+            "a trial of a few steps",
+            lambda: trial_of(stepper, ropes["driven"]),
+            meanwhile=functools.partial(progress, "trial", 0.0),
         )
-        findings: list[Finding] = []
         diagnosis: tuple[Diagnosis, ...] = ()
         if trial.hidden_state:
-            findings += _only("determinism", trial.hidden_state, names, "not deterministic")
+            findings = _only("determinism", trial.hidden_state, names, "not deterministic")
         else:
-            examination = _examination(stepper, trial, claims)
-            for done, name in enumerate(names):
-                within_limit = functools.partial(
-                    within,
-                    limit,
-                    f"the check {name!r}",
-                    meanwhile=functools.partial(progress, name, done / len(names)),
-                )
-                # Enters float64 again, which is a thread's own.
-                check = in_float64(CHECKS[name])
-                work = functools.partial(check, examination)
-                examination.lost = ""
-                try:
-                    finding = within_limit(work)
-                    if finding.status == "fail" and name in _THRESHOLDS:
-                        again = within_limit(work)
-                        if again.line != finding.line:
-                            finding = dataclasses.replace(finding, line=HIDDEN_STATE)
-                    findings.append(examination.with_nan(finding))
-                    if name == "determinism" and finding.status == "fail":
-                        findings = _only(name, finding.line, names, "not deterministic")
-                        break
-                except OutOfTime as error:
-                    if name not in EDGE_CASES:
-                        raise
-                    line = f"the step did not finish {error.why}"
-                    findings.append(Finding(name, "undetermined", line))
-            failed = {finding.check for finding in findings if finding.status == "fail"}
+            trial.require_finite()
+            examination = Examination(stepper, claims)
+            findings = _findings(examination, names, limit, progress)
             explained = EXPLAINED | (_OF_A_METHOD if claims.method else set())
-            if diagnose and not quick and failed & explained:
+            failed = any(each.status == "fail" and each.check in explained for each in findings)
+            if diagnose and not quick and failed:
                 what = functools.partial(progress, "diagnosis", 1.0)
                 diagnosis = _diagnosed(examination, limit, what)
     progress("done", 1.0)
@@ -157,6 +132,36 @@ def check_stepper(
         notes=tuple(_notes(trial, printed.beginning)),
         seconds=time.perf_counter() - started,
     )
+
+
+def _findings(
+    examination: Examination, names: list[str], limit: float, progress: Progress
+) -> list[Finding]:
+    """Those of all checks; of no more where a step is not deterministic."""
+    findings = []
+    for done, name in enumerate(names):
+        # Enters float64 again, which is a thread's own.
+        work = functools.partial(in_float64(CHECKS[name]), examination)
+        timed = functools.partial(
+            within,
+            limit,
+            f"the check {name!r}",
+            work,
+            meanwhile=functools.partial(progress, name, done / len(names)),
+        )
+        examination.lost = ""
+        try:
+            finding = timed()
+            if finding.status == "fail" and name in _THRESHOLDS and timed().line != finding.line:
+                finding = dataclasses.replace(finding, line=HIDDEN_STATE)
+        except OutOfTime as error:
+            if name not in EDGE_CASES:
+                raise
+            finding = Finding(name, "undetermined", f"the step did not finish {error.why}")
+        if name == "determinism" and finding.status == "fail":
+            return _only(name, finding.line, names, "not deterministic")
+        findings.append(examination.with_nan(finding))
+    return findings
 
 
 def _only(check: str, line: str, names: list[str], why: str) -> list[Finding]:
@@ -197,11 +202,6 @@ def _require(stepper: Stepper) -> None:
     stepper.require(undamped())
 
 
-def _examination(stepper: Stepper, trial: Trial, claims: Claims) -> Examination:
-    trial.require_finite()
-    return Examination(stepper, claims)
-
-
 def _notes(trial: Trial, printed: str) -> Iterator[str]:
     if printed.strip():
         first = printed.strip().splitlines()[0]
@@ -239,7 +239,7 @@ def chosen_checks(only: Iterable[str] | None, skip: Iterable[str], quick: bool) 
     skip = [skip] if isinstance(skip, str) else list(skip)
     only = [only] if isinstance(only, str) else None if only is None else list(only)
     asked = (*(only or ()), *skip)
-    faults = [_no_check(name) for name in asked if name not in CHECKS]
+    faults = [unknown("check", name, CHECKS) for name in asked if name not in CHECKS]
     if faults:
         raise InputError(faults)
     left_out = {*skip, *(SLOW if quick and only is None else ())}
@@ -247,11 +247,3 @@ def chosen_checks(only: Iterable[str] | None, skip: Iterable[str], quick: bool) 
     if not names:
         raise bad_value("only", only, "at least one check", "skip fewer")
     return names
-
-
-def _no_check(name: str) -> str:
-    """The complaint about a name of no check, with the check that took its place."""
-    if name in _REPLACED:
-        taken = _REPLACED[name]
-        return f"check: {name!r} given; {taken!r} has taken its place. Fix: write {taken!r}"
-    return unknown("check", name, CHECKS)

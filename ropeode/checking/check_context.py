@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import functools
 import re
 import threading
 from collections.abc import Iterable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,6 @@ from ropeode.checking.check_ropes import (
 )
 from ropeode.checking.convergence import RunAndDouble, converging, ladder
 from ropeode.checking.report import Claims, Convergence, Finding
-from ropeode.errors import ReferenceRefused, RopeodeError
 from ropeode.problems import Problem
 from ropeode.references import Reference, reference_for
 from ropeode.simulation import Method, method_of, simulate, step_size
@@ -32,7 +31,9 @@ from ropeode.threads import cores
 # Of the size of the rope, what rounding alone makes of a few steps.
 _ROUNDING = 1e-10
 _LIBRARIES = tuple(f"{library}:" for library in STEPPER_LIBRARIES)
-_MOST_KEPT = 256
+# References of check ropes, by the numbers of the rope, and how many of them are kept.
+_REFERENCES: dict[tuple, Future[Reference]] = {}
+_LOCK, _MOST_KEPT = threading.Lock(), 256
 # Where a line of a finding has such a number.
 _NOT_FINITE = re.compile(r"\b(nan|inf)\b")
 
@@ -216,55 +217,34 @@ def padded_states(problem: Problem, method: Method, steps_per_frame: int) -> np.
     return np.pad(states, [(0, missing)] + 3 * [(0, 0)], constant_values=np.nan)
 
 
-class _Slot:
-    """Where a reference is kept, or why there is none; of several threads one computes it."""
-
-    def __init__(self) -> None:
-        self.lock = threading.Lock()
-        self.kept: Reference | ReferenceRefused | None = None
-
-
-@functools.lru_cache(maxsize=_MOST_KEPT)
-def _slot(name: str, *numbers: bytes) -> _Slot:
-    """The slot of a check rope; those used last are kept."""
-    del name, numbers
-    return _Slot()
-
-
 def reference_of(problem: Problem) -> Reference:
     """The certified reference of a check rope; computed once in a process.
-
-    Of several threads that ask for the same reference, one computes it. If it is interrupted, or
-    fails in another way than by a refusal, the next one does.
 
     Raises:
         ReferenceRefused: the problem has none.
     """
-    numbers = (problem.ts, problem.y0, *problem.args)
-    own = _slot(problem.name, *(each.tobytes() for each in numbers))
-    with own.lock:
-        if own.kept is None:
-            try:
-                own.kept = reference_for(problem)
-            except ReferenceRefused as refusal:
-                own.kept = refusal
-        if isinstance(own.kept, ReferenceRefused):
-            raise ReferenceRefused(str(own.kept))
-        return own.kept
+    return references_ahead([problem])[0].result()
 
 
-def references_ahead(problems: Iterable[Problem]) -> None:
-    """Compute the references of check ropes in threads of their own, before they are needed."""
-    # From the last to the first: that of uneven frames takes a program of its own, which is
-    # compiled beside that of the others.
-    waiting = sorted(problems, key=lambda problem: not problem.equal_frames)
+def references_ahead(problems: Iterable[Problem]) -> list[Future[Reference]]:
+    """Begin to compute the references of check ropes, each once in a process.
 
-    def work() -> None:
-        with contextlib.suppress(IndexError, RopeodeError):
-            while True:
-                reference_of(waiting.pop())
-
-    for _ in range(cores()):
-        # Errors are raised again where the same reference is needed. No daemons: a process that
-        # ends while one of these compiles would be aborted.
-        threading.Thread(target=work).start()
+    Arguments:
+        problems: of which; those with uneven frames first, for they take a program of their own,
+            which is compiled beside that of the others.
+    """
+    # Its threads end with the work. They are no daemons: a process that ends while one of these
+    # compiles would be aborted.
+    pool = ThreadPoolExecutor(cores())
+    futures = []
+    with _LOCK:
+        if len(_REFERENCES) > _MOST_KEPT:
+            _REFERENCES.clear()
+        for problem in problems:
+            numbers = (problem.ts, problem.y0, *problem.args)
+            key = problem.name, *(each.tobytes() for each in numbers)
+            if key not in _REFERENCES:
+                _REFERENCES[key] = pool.submit(reference_for, problem)
+            futures.append(_REFERENCES[key])
+    pool.shutdown(wait=False)
+    return futures

@@ -10,7 +10,6 @@ from .expansion import Term as Term
 from .expansion import expanded as expanded
 from .extrapolation import STEP_LADDER as STEP_LADDER
 from .global_error import PredictedError as PredictedError
-from .global_error import derivative_of_rhs as derivative_of_rhs
 from .global_error import order_once_started as order_once_started
 from .global_error import predicted_error as predicted_error
 from .growth import MOST_STEPS_OF_GROWTH as MOST_STEPS_OF_GROWTH
@@ -35,6 +34,7 @@ from .solved_equation import diagnose_equation as diagnose_equation
 from .solved_equation import where_off as where_off
 from .spectrum import SpectralLimit as SpectralLimit
 from .spectrum import Spectrum as Spectrum
+from .spectrum import derivative_of_rhs as derivative_of_rhs
 from .spectrum import spectral_limit as spectral_limit
 from .spectrum import spectrum_of as spectrum_of
 from .stability_function import LeadingTerm as LeadingTerm

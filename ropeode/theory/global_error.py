@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
-from collections.abc import Callable
-from typing import Any
 
-import jax
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.interpolate import make_interp_spline
 
 from ropeode.precision import in_float64
-from ropeode.problems import Problem, Rhs
+from ropeode.problems import Problem
 from ropeode.progress import Progress, part_of, silent
 from ropeode.references import Reference
 from ropeode.simulation import Method
 from ropeode.theory.expansion import EXPANSION_STEPS, SETTLED, Expansion, expanded
 from ropeode.theory.solution_along import Pieces, solution_along
+from ropeode.theory.spectrum import derivative_of_rhs
 from ropeode.theory.step_samples import StepSamples
 
 # Local errors are taken from so many rungs of the ladder, and from more until what is open of them
@@ -246,19 +243,3 @@ def order_once_started(local: Expansion) -> int | None:
         if not rest <= _EXPLAINED * np.max(np.abs(moved)):
             return order if order > local.order else None
     return least
-
-
-def derivative_of_rhs(
-    problem: Problem,
-) -> Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]:
-    """The derivative of the right-hand side along tangents, for many times and states."""
-    along, args = _compiled_derivative(problem.rhs), problem.args
-    return lambda t, y, tangent: np.asarray(along(t, y, tangent, args))
-
-
-@functools.lru_cache(maxsize=64)
-def _compiled_derivative(rhs: Rhs) -> Callable:
-    def along(t: Any, y: Any, tangent: Any, args: Any) -> Any:
-        return jax.jvp(lambda y: rhs(t, y, args), (y,), (tangent,))[1]
-
-    return jax.jit(jax.vmap(along, in_axes=(0, 0, 0, None)))

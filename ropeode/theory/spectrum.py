@@ -106,16 +106,26 @@ def derivatives_of_rhs(problem: Problem, times: np.ndarray, states: np.ndarray) 
         times: of the states, ``(times,)``.
         states: ``(times, *state)``.
     """
-    return np.asarray(_compiled(problem.rhs)(times, states, problem.args))
+    along, shape = derivative_of_rhs(problem), states.shape
+    units = np.eye(states[0].size).reshape(-1, *shape[1:])
+    columns = [along(times, states, np.broadcast_to(unit, shape)) for unit in units]
+    return np.stack(columns, axis=-1).reshape(len(states), len(units), len(units))
+
+
+def derivative_of_rhs(
+    problem: Problem,
+) -> Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]:
+    """The derivative of the right-hand side along tangents, for many times and states."""
+    along, args = _compiled(problem.rhs), problem.args
+    return lambda t, y, tangent: np.asarray(along(t, y, tangent, args))
 
 
 @functools.lru_cache(maxsize=64)
 def _compiled(rhs: Rhs) -> Callable:
+    def along(t: Any, y: Any, tangent: Any, args: Any) -> Any:
+        return jax.jvp(lambda y: rhs(t, y, args), (y,), (tangent,))[1]
 
-    def one(t: Any, y: Any, args: Any) -> Any:
-        return jax.jacfwd(lambda flat: rhs(t, flat.reshape(y.shape), args).ravel())(y.ravel())
-
-    return jax.jit(jax.vmap(one, in_axes=(0, 0, None)))
+    return jax.jit(jax.vmap(along, in_axes=(0, 0, 0, None)))
 
 
 @in_float64
