@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -27,25 +26,10 @@ _MOST_CHANGES = 3
 _NEARLY, _LEFT, _MOST_NEAR = 10.0, 1e-3, 24
 
 
-class Change(NamedTuple):
-    """Terms that one mistake changes alike.
-
-    Fields:
-        terms: of `TERMS`.
-        unit: what a change by 1 adds to each; chosen so that all changes are of similar size.
-    """
-
-    terms: tuple[str, ...]
-    unit: float = 1.0
-
-    @property
-    def expected(self) -> float:
-        """The right value of the terms."""
-        return TERMS[self.terms[0]].expected
-
-
-# Some changes, and how large each is, in its unit.
-Sized = tuple[tuple[Change, ...], np.ndarray]
+# The terms that one mistake changes alike.
+Change = tuple[str, ...]
+# Some changes, and the value that each gives to its terms.
+Valued = tuple[tuple[Change, ...], np.ndarray]
 
 
 class Fit:
@@ -56,7 +40,7 @@ class Fit:
 
     Arguments:
         changes: of terms.
-        start: the sizes with which it begins.
+        start: the values with which it begins.
     """
 
     def __init__(self, changes: tuple[Change, ...], start: np.ndarray):
@@ -64,7 +48,7 @@ class Fit:
         self._damping, self._cost, self._expected = _FIRST_DAMPING, np.inf, 0.0
 
     def take(self, apart: np.ndarray, slopes: np.ndarray) -> None:
-        """Choose the next sizes from the differences of those tried, and their slopes."""
+        """Choose the next values from the differences of those tried, and their slopes."""
         cost = float(np.sum(apart**2))
         promised = self._cost - self._expected if self._cost < np.inf else 0.0
         if not cost < self._cost:
@@ -72,7 +56,7 @@ class Fit:
         else:
             if self._cost - cost >= _AS_PROMISED * promised:
                 self._damping /= _SMALLER
-            self.sizes, self._apart, self._slopes = self.tried, apart, slopes
+            self.values, self._apart, self._slopes = self.tried, apart, slopes
             self._cost = cost
         if not self.is_finite:
             self.done = True
@@ -85,10 +69,10 @@ class Fit:
         matrix = np.vstack([self._slopes, np.diag(scale)])
         right = np.concatenate([-self._apart, np.zeros(len(scale))])
         step = np.linalg.lstsq(matrix, right, rcond=None)[0]
-        self.tried = self.sizes + step
+        self.tried = self.values + step
         self._expected = float(np.sum((self._apart + self._slopes @ step) ** 2))
         stays = self._expected > _MOST_OF_IT * self._cost and self._damping <= _FIRST_DAMPING
-        small = np.all(np.abs(step) <= _SMALL_STEP * (1.0 + np.abs(self.sizes)))
+        small = np.all(np.abs(step) <= _SMALL_STEP * (1.0 + np.abs(self.values)))
         self.done = bool(small) or (stays and self.misfit > _NEARLY)
 
     @property
@@ -108,14 +92,8 @@ class Fit:
 
     @property
     def spread(self) -> np.ndarray:
-        """The error of each size if every difference is off by 1, in the worst combination."""
+        """The error of each value if every difference is off by 1, in the worst combination."""
         return np.sum(np.abs(np.linalg.pinv(self._slopes)), axis=1)
-
-    @property
-    def values(self) -> list[float]:
-        """Of the terms of each change."""
-        pairs = zip(self.changes, self.sizes.tolist(), strict=True)
-        return [change.expected + change.unit * size for change, size in pairs]
 
 
 class Fitting:
@@ -138,7 +116,7 @@ class Fitting:
         self._target = np.nan_to_num(states[1:]).reshape(self._weights.shape)
 
     def _differences(
-        self, sets: Sequence[Sized], samples: int
+        self, sets: Sequence[Valued], samples: int
     ) -> list[tuple[np.ndarray, np.ndarray]]:
         """From the first samples, in units of their uncertainty, with all changes of a set.
 
@@ -148,11 +126,11 @@ class Fitting:
         """
         counts = [1 + len(changes) for changes, _ in sets]
         terms, ends = right_terms(sum(counts)), np.cumsum(counts)
-        for (changes, sizes), count, end in zip(sets, counts, ends, strict=True):
-            moved = np.vstack([np.zeros(len(sizes)), _DIFFERENCE * np.eye(len(sizes))])
-            for change, size in zip(changes, (sizes + moved).T, strict=True):
-                for name in change.terms:
-                    terms[name][end - count : end] = change.expected + change.unit * size
+        for (changes, values), count, end in zip(sets, counts, ends, strict=True):
+            moved = np.vstack([np.zeros(len(values)), _DIFFERENCE * np.eye(len(values))])
+            for change, value in zip(changes, (values + moved).T, strict=True):
+                for name in change:
+                    terms[name][end - count : end] = value
         states = self._motion(terms, samples)
         weights, target = self._weights[:samples], self._target[:samples]
         apart = weights * (states.reshape(len(states), samples, -1) - target)
@@ -164,9 +142,9 @@ class Fitting:
         ]
 
     def fits(
-        self, sets: Sequence[Sized], samples: int, iterations: int = _MOST_ITERATIONS
+        self, sets: Sequence[Valued], samples: int, iterations: int = _MOST_ITERATIONS
     ) -> list[Fit]:
-        """Fits of sets of changes, from these sizes on, to the first samples."""
+        """Fits of sets of changes, from these values on, to the first samples."""
         fits = [Fit(*each) for each in sets]
         with np.errstate(all="ignore"):  # Ropes that blow up.
             for _ in range(iterations):
@@ -180,7 +158,7 @@ class Fitting:
 
     def refined(self, fits: Sequence[Fit]) -> list[Fit]:
         """Fits to all samples, from those that are near."""
-        return self.fits([(fit.changes, fit.sizes) for fit in fits], self._samples)
+        return self.fits([(fit.changes, fit.values) for fit in fits], self._samples)
 
     def explaining(
         self,
@@ -208,15 +186,15 @@ class Fitting:
             sets = [
                 (some, np.array(start))
                 for some in itertools.combinations(changes, count)
-                if count == 1 or all(change.terms != ("all",) for change in some)
-                for start in itertools.product(*(_starts(change, count) for change in some))
+                if count == 1 or all(change != ("all",) for change in some)
+                # From several values only where a change is made alone.
+                for start in itertools.product(
+                    *(
+                        TERMS[names[0]].starts if count == 1 else [TERMS[names[0]].expected]
+                        for names in some
+                    )
+                )
             ]
             near = [fit for fit in self.fits(sets, first, iterations) if fit.misfit <= most]
             near = sorted(near, key=lambda fit: fit.misfit)[:_MOST_NEAR]
             yield [*{fit.changes: fit for fit in self.refined(near) if fit.explains}.values()]
-
-
-def _starts(change: Change, count: int) -> list[float]:
-    """The sizes from which a change is fitted: zero, and if it is made alone other ones."""
-    values = TERMS[change.terms[0]].starts if count == 1 else (change.expected,)
-    return [(value - change.expected) / change.unit for value in values]

@@ -34,14 +34,14 @@ VERLET_START = "for Verlet, start with x(-dt) = x(0) - dt * v(0) + dt**2 / 2 * a
 _ITERATIONS, _ROUNDING = 8, 1e-15
 
 
-def _runge_kutta(
-    rows: Sequence[Sequence[float]],
-    weights: Sequence[float],
+def runge_kutta(
+    rows: Sequence[Sequence[float]] | np.ndarray,
+    weights: Sequence[float] | np.ndarray,
     weights_of_positions: Sequence[float] | None = None,
 ) -> Step:
     """The step of a Butcher tableau, explicit; positions may have weights of their own."""
 
-    def combined(row: Sequence[float], slopes: list[np.ndarray]) -> np.ndarray:
+    def combined(row: Sequence[float] | np.ndarray, slopes: list[np.ndarray]) -> np.ndarray:
         return sum(w * slope for w, slope in zip(row, slopes, strict=False) if w)  # type: ignore[return-value]
 
     def step(a: Acceleration, x: np.ndarray, v: np.ndarray, dt: float) -> State:
@@ -50,7 +50,7 @@ def _runge_kutta(
             at = x + dt * combined(row, velocities)
             velocities.append(v + dt * combined(row, accelerations))
             accelerations.append(a(at, velocities[-1]))
-        of_positions = weights_of_positions or weights
+        of_positions = weights if weights_of_positions is None else weights_of_positions
         return x + dt * combined(of_positions, velocities), v + dt * combined(
             weights, accelerations
         )
@@ -189,7 +189,7 @@ METHODS = {
         Method(
             "explicit Euler",
             1,
-            _runge_kutta((), (1.0,)),
+            runge_kutta((), (1.0,)),
             symplectic=False,
             remedy="for semi-implicit Euler: v_new = v + dt * a; x_new = x + dt * v_new",
         ),
@@ -213,9 +213,9 @@ METHODS = {
             remedy="damping force: -damping * (v + v_new) / 2",
         ),
         Method("Störmer-Verlet in the form drift-kick-drift", (2, 1), _drift_kick_drift),
-        Method("RK4", 4, _runge_kutta(_RK4_ROWS, _RK4_WEIGHTS), symplectic=False),
-        Method("the midpoint method", 2, _runge_kutta(((0.5,),), (0.0, 1.0)), symplectic=False),
-        Method("Heun's method", 2, _runge_kutta(((1.0,),), (0.5, 0.5)), symplectic=False),
+        Method("RK4", 4, runge_kutta(_RK4_ROWS, _RK4_WEIGHTS), symplectic=False),
+        Method("the midpoint method", 2, runge_kutta(((0.5,),), (0.0, 1.0)), symplectic=False),
+        Method("Heun's method", 2, runge_kutta(((1.0,),), (0.5, 0.5)), symplectic=False),
         *(
             Method(f"{name} with central damping{rest}", order, step, start, iterates=True)
             for name, rest, order, step, start in (
@@ -268,19 +268,19 @@ MISTAKEN = tuple(
             {
                 "whose positions move with the velocity of the start": (
                     1,
-                    _runge_kutta(((0.5,),), (0.0, 1.0), (1.0, 0.0)),
+                    runge_kutta(((0.5,),), (0.0, 1.0), (1.0, 0.0)),
                 ),
-                "whose first stage goes a whole step": (1, _runge_kutta(((1.0,),), (0.0, 1.0))),
+                "whose first stage goes a whole step": (1, runge_kutta(((1.0,),), (0.0, 1.0))),
             },
         ),
         (
             "Heun's method",
             "v_new = v + dt / 2 * (a + a_end), with a_end after a whole step of Euler",
             {
-                "whose first stage goes half a step": (1, _runge_kutta(((0.5,),), (0.5, 0.5))),
+                "whose first stage goes half a step": (1, runge_kutta(((0.5,),), (0.5, 0.5))),
                 "whose positions move with the velocity of the start": (
                     1,
-                    _runge_kutta(((1.0,),), (0.5, 0.5), (1.0, 0.0)),
+                    runge_kutta(((1.0,),), (0.5, 0.5), (1.0, 0.0)),
                 ),
             },
         ),
@@ -291,17 +291,17 @@ MISTAKEN = tuple(
             {
                 "whose third stage starts from the first slope": (
                     2,
-                    _runge_kutta((_RK4_ROWS[0], (0.5,), _RK4_ROWS[2]), _RK4_WEIGHTS),
+                    runge_kutta((_RK4_ROWS[0], (0.5,), _RK4_ROWS[2]), _RK4_WEIGHTS),
                 ),
                 "whose last stage goes half a step": (
                     1,
-                    _runge_kutta((*_RK4_ROWS[:2], (0.0, 0.0, 0.5)), _RK4_WEIGHTS),
+                    runge_kutta((*_RK4_ROWS[:2], (0.0, 0.0, 0.5)), _RK4_WEIGHTS),
                 ),
                 "whose second and third stages go a whole step": (
                     1,
-                    _runge_kutta(((1.0,), (0.0, 1.0), _RK4_ROWS[2]), _RK4_WEIGHTS),
+                    runge_kutta(((1.0,), (0.0, 1.0), _RK4_ROWS[2]), _RK4_WEIGHTS),
                 ),
-                "with four equal weights": (2, _runge_kutta(_RK4_ROWS, (0.25,) * 4)),
+                "with four equal weights": (2, runge_kutta(_RK4_ROWS, (0.25,) * 4)),
             },
         ),
     )

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ropeode.checking.diagnosis.fitted_terms import Change, Fit, Fitting, Sized
+from ropeode.checking.diagnosis.fitted_terms import Change, Fit, Fitting, Valued
 from ropeode.checking.diagnosis.methods import (
     METHODS,
     MISTAKEN,
@@ -84,7 +84,7 @@ KEPT = ("kept", "kept_first", "kept_last")
 _OF_SPRINGS = {"spring", "rest", "first_ends", "second_ends", "dashpot", "forces"}
 _OF_ANY = {*KEPT, "all", "old_forces", "old_gravity", "velocity"}
 # The terms that one mistake changes alike.
-CHANGES: tuple[tuple[str, ...], ...] = (
+CHANGES: tuple[Change, ...] = (
     ("velocity",),
     ("gravity",),
     ("spring",),
@@ -308,9 +308,9 @@ class _Run:
 
     def fitted(self, method: Method, guesses: Sequence[_Guess], counts: np.ndarray) -> list[_Guess]:
         """The guesses with the values that give the first frame, as far as any does."""
-        sets = [guess.sized for guess in guesses if guess.is_number]
+        sets = [guess.valued for guess in guesses if guess.changes]
         fits = self.fitting(method, counts).fits(sets, 1, _ITERATIONS)
-        return [*(each for each in guesses if not each.is_number), *map(_Guess.fitted, fits)]
+        return [*(each for each in guesses if not each.changes), *map(_Guess.fitted, fits)]
 
     def agreeing(
         self, method: Method, guesses: Sequence[_Guess], counts: np.ndarray
@@ -350,24 +350,18 @@ class _Guess(NamedTuple):
     @classmethod
     def fitted(cls, fit: Fit) -> _Guess:
         """The changes of a fit."""
-        return cls(fit.changes, (*fit.values,))
+        return cls(fit.changes, (*fit.values.tolist(),))
 
     @property
-    def is_number(self) -> bool:
-        """Whether there are values to be found."""
-        return bool(self.changes)
-
-    @property
-    def sized(self) -> Sized:
-        """The changes, and how large each is."""
-        pairs = zip(self.changes, self.found, strict=True)
-        return self.changes, np.array([value - change.expected for change, value in pairs])
+    def valued(self) -> Valued:
+        """The changes, as a fit begins with them."""
+        return self.changes, np.array(self.found)
 
     @property
     def values(self) -> dict[str, Any]:
         """Of the changed terms."""
         pairs = zip(self.changes, self.found, strict=True)
-        values: dict[str, Any] = {name: value for change, value in pairs for name in change.terms}
+        values: dict[str, Any] = {name: value for change, value in pairs for name in change}
         for mistake in self.mistakes:
             for name, value in mistake.values.items():
                 values[name] = values.get(name, 1.0) * value
@@ -453,9 +447,9 @@ def programs_of(
     for terms in CHANGES:
         # The forces of any problem are known as a whole.
         if own >= {*terms} and (rope or terms != ("old_forces",)):
-            changed += [_Guess((Change(terms),), (start,)) for start in TERMS[terms[0]].starts]
+            changed += [_Guess((terms,), (start,)) for start in TERMS[terms[0]].starts]
     unlikely = "further" if rope and np.any(problem.args.damping) else "damping"
-    in_pairs = [Change((name,)) for name in _IN_PAIRS if name in own - {unlikely}]
+    in_pairs = [(name,) for name in _IN_PAIRS if name in own - {unlikely}]
     methods = METHODS[kind]
     fine = known[0].by_number()[0] > _MOST_STEPS_OF_ITERATIONS
     with np.errstate(all="ignore"):  # Programs that blow up.
@@ -591,11 +585,12 @@ def _followed(
         starts = [guesses[-1]]
         if len(guess.changes) == 1:
             (change,), (value,), ratio = guess.changes, guesses[-1].found, run.dt / before.dt
-            off = value - change.expected
+            expected = TERMS[change[0]].expected
+            off = value - expected
             starts += [
                 guess._replace(found=(start,))
                 for start in (
-                    *(change.expected + off * r for r in (ratio, 1.0 / ratio)),
+                    *(expected + off * r for r in (ratio, 1.0 / ratio)),
                     *(value * ratio, value / ratio),
                 )
             ]
@@ -608,7 +603,7 @@ def _followed(
         guesses.append(agreeing[0][0])
     dts = [run.dt for run in runs]
     return tuple(
-        Changed(change.terms, dict(zip(dts, values, strict=True)))
+        Changed(change, dict(zip(dts, values, strict=True)))
         for change, *values in zip(guess.changes, *(each.found for each in guesses), strict=True)
     )
 

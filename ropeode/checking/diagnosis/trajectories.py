@@ -10,6 +10,7 @@ import numpy as np
 from scipy.integrate import DOP853
 
 from ropeode.checking.diagnosis.fitted_terms import Change, Fit, Fitting
+from ropeode.checking.diagnosis.methods import runge_kutta
 from ropeode.checking.diagnosis.program_words import term_found, wrong_term
 from ropeode.checking.diagnosis.programs import Runs
 from ropeode.checking.diagnosis.rope_forces import (
@@ -44,6 +45,7 @@ _STANDSTILL = 1e-2
 _PRECISION, _FINEST, _COARSEST, _MOST_STEPS = 1e-2, 1e-11, 1e-7, 512
 # Of ropes that move the same so many are said.
 _MOST_SAID = 3
+_EXACT = runge_kutta(DOP853.A[1:], DOP853.B)
 # How closely the acceleration of a problem is that of a rope.
 _SAME = 1e-9
 
@@ -200,7 +202,7 @@ def _confirmed(limit: _Observed, frames: int) -> list[Fit]:
             for fit in every.refined(first)
             if fit.explains
             if np.all(
-                np.abs(fit.sizes - before[fit.changes].sizes)
+                np.abs(fit.values - before[fit.changes].values)
                 <= fit.spread + before[fit.changes].spread
             )
         ]
@@ -243,46 +245,31 @@ def _exact_motion(problem: Problem, terms: Terms, samples: int, steps: int) -> n
     Returns:
         ``(copies, samples, *state)``; not finite where a copy blows up.
     """
-    forces = Forces(problem.args, terms)
-    y = np.stack(initial_states(problem, terms))
-    slopes, states = np.empty((len(DOP853.C), *y.shape)), []
+    forces, (x, v), states = Forces(problem.args, terms), initial_states(problem, terms), []
     with np.errstate(all="ignore"):
         for length in np.diff(problem.ts[: samples + 1]):
-            h = length / steps
             for _ in range(steps):
-                for stage, weights in enumerate(DOP853.A):
-                    x, v = y + h * np.tensordot(weights[:stage], slopes[:stage], 1)
-                    slopes[stage] = v, forces(x, v)
-                y = y + h * np.tensordot(DOP853.B, slopes, 1)
-            states.append(y)
-    return np.moveaxis(np.stack(states), 2, 0)
+                x, v = _EXACT(forces, x, v, length / steps)
+            states.append(np.stack([x, v], axis=1))
+    return np.stack(states, axis=1)
 
 
 def _changes_of(problem: Problem) -> list[Change]:
     """The terms of a rope with springs that can be told from each other."""
-    args, (_, v0) = problem.args, problem.y0
-    axes, gravity = [*AXES[: len(v0)]], np.abs(np.ravel(args.gravity))
-    span = float(problem.ts[-1] - problem.ts[0])
-    length = float(np.mean(args.rest_length)) or problem.scale
-    rate, pull = float(np.mean(args.mass)) / span, float(np.linalg.norm(gravity))
-    damping = np.asarray(args.damping)
-    factors = ["spring", "rest", "forces", "first_ends", "second_ends", "all"]
-    moving = [] if np.any(v0) else [Change((f"velocity_{axis}",), length / span) for axis in axes]
-    factors += [] if moving else ["velocity"]
-    if pull:
-        factors.append("gravity")
+    args, v0 = problem.args, problem.y0[1]
+    gravity, damping = np.abs(np.ravel(args.gravity)), np.asarray(args.damping)
+    axes = [*AXES[: len(v0)]]
+    names = ["spring", "rest", "forces", "first_ends", "second_ends", "all"]
+    names += ["velocity"] if np.any(v0) else [f"velocity_{axis}" for axis in axes]
+    if np.any(gravity):
+        names.append("gravity")
         # Along the axis of the largest component the factor says it.
         del axes[int(np.argmax(gravity))]
-    if np.any(damping):
-        moving.append(Change(("damping",), max(rate / float(np.mean(np.abs(damping))), 1.0)))
+    names += [f"gravity_{axis}" for axis in axes] + ["dashpot", "per_spring"]
     # Equal dampings are changed by a factor.
-    further = ["further"] if np.ptp(damping) or not np.any(damping) else []
-    return [
-        *(Change((name,)) for name in factors),
-        *moving,
-        *(Change((f"gravity_{axis}",), pull or length / span**2) for axis in axes),
-        *(Change((name,), rate) for name in ("dashpot", "per_spring", *further)),
-    ]
+    names += ["damping"] if np.any(damping) else []
+    names += ["further"] if np.ptp(damping) or not np.any(damping) else []
+    return [(name,) for name in names]
 
 
 class _Number(NamedTuple):
@@ -295,11 +282,8 @@ class _Number(NamedTuple):
 
 def _numbers(fit: Fit) -> list[_Number]:
     """Those that a fit changed."""
-    every = zip(fit.changes, fit.values, fit.spread.tolist(), strict=True)
-    return [
-        _Number(change.terms[0], shortest(value, change.unit * off), change.unit * off)
-        for change, value, off in every
-    ]
+    every = zip(fit.changes, fit.values.tolist(), fit.spread.tolist(), strict=True)
+    return [_Number(change[0], shortest(value, off), off) for change, value, off in every]
 
 
 def _digits(value: float) -> int:
