@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import jax
 import numpy as np
+from scipy.optimize import least_squares
 
 from ropeode.problems import Problem
 from ropeode.theory.diagnosis import Diagnosis
 from ropeode.theory.expansion import Expansion
-from ropeode.theory.projection import projected
+from ropeode.theory.projection import Projection, projected
 from ropeode.theory.step_samples import rates_of
 
 # What may be left over of the difference from the right equation, as a part of the equation.
 _EXPLAINED = 1e-6
-# Newton's method for the parameters: iterations, and the difference quotients' part of each.
-_ITERATIONS, _PART = 8, 1e-4
+# How closely parameters are found, as a part of each.
+_CLOSE = 1e-14
 # What the rate of change of a quantity is.
 _WHOLE = {"position": "the velocity", "velocity": "the acceleration"}
 
@@ -55,24 +56,22 @@ def diagnose_parameters(expansion: Expansion) -> Diagnosis | None:
     Returns:
         None where no such change makes up the difference.
     """
-    problem, right, off = expansion.problem, expansion.slopes, expansion.rate(0).value
-    size = float(np.max(np.abs(right)))
-    pace = projected(off.ravel(), right.reshape(1, -1))
-    if pace.rest <= _EXPLAINED * size:
+    problem, size = expansion.problem, float(np.max(np.abs(expansion.slopes)))
+    if (pace := common_pace([expansion])) is not None:
         factor = 1.0 + float(pace.coefficients[0])
         line = f"it is {factor:.8g} f, as if time ran so many times as fast"
         return Diagnosis("pace", line, {"pace": factor, "rest": pace.rest})
     some = parameters(problem)
     tried = [[each] for each in some] + ([some] if len(some) > 1 else [])
     for several in tried:
-        found = _factors(expansion, several)
-        if found is not None and found.rest <= _EXPLAINED * size:
-            changed = zip(several, (1.0 + found.coefficients).tolist(), strict=True)
+        change, rest = _changed(expansion, several)
+        if rest <= _EXPLAINED * size:
+            changed = zip(several, (1.0 + change).tolist(), strict=True)
             factors = [pair for pair in changed if abs(pair[1] - 1.0) > _EXPLAINED]
             words = ", ".join(each.times(factor) for each, factor in factors)
             evidence = {each.name: factor for each, factor in factors}
             line = f"it is f with {words}"
-            return Diagnosis("parameters", line, {"factors": evidence, "rest": found.rest})
+            return Diagnosis("parameters", line, {"factors": evidence, "rest": rest})
     return _by_component(expansion, size)
 
 
@@ -88,40 +87,29 @@ def parameters(problem: Problem) -> list[Parameter]:
     return found
 
 
-class _Found(NamedTuple):
-    coefficients: np.ndarray
-    rest: float
+def common_pace(expansions: Sequence[Expansion]) -> Projection | None:
+    """By which part of the right rates of change all others are off; None if they are so apart."""
+    right = np.concatenate([each.slopes.ravel() for each in expansions])
+    off = np.concatenate([each.rate(0).value.ravel() for each in expansions])
+    found = projected(off, right[None])
+    return found if found.rest <= _EXPLAINED * np.max(np.abs(right)) else None
 
 
-def _factors(expansion: Expansion, several: list[Parameter]) -> _Found | None:
-    """By which parts parameters are changed in the equation that a step solves; Newton's method."""
-    t, y = expansion.t, expansion.y
+def _changed(expansion: Expansion, several: list[Parameter]) -> tuple[np.ndarray, float]:
+    """By which parts parameters are changed in the equation that a step solves, and the rest."""
     target = expansion.slopes + expansion.rate(0).value
-    change = np.zeros(len(several))
-    for _ in range(_ITERATIONS):
-        own = _rates(expansion, several, change)(t, y)
-        near = [
-            [_rates(expansion, several, change + sign * _PART * unit)(t, y) for sign in (1, -1)]
-            for unit in np.eye(len(several))
-        ]
-        slopes = np.stack([(up - down).ravel() / (2.0 * _PART) for up, down in near])
-        away = (target - own).ravel()
-        if not (np.all(np.isfinite(slopes)) and np.all(np.isfinite(away))):
-            return None
-        moved = projected(away, slopes).coefficients
-        change = change + moved
-        if np.max(np.abs(moved)) <= 1e-12:
-            break
-    rest = np.max(np.abs(target - _rates(expansion, several, change)(t, y)))
-    return _Found(change, float(rest)) if np.isfinite(rest) else None
-
-
-def _rates(expansion: Expansion, several: list[Parameter], change: np.ndarray) -> Any:
-    """The right-hand side with changed parameters."""
     leaves, structure = jax.tree.flatten(expansion.problem.args)
-    for each, part in zip(several, change.tolist(), strict=True):
-        leaves[each.index] = np.asarray(leaves[each.index]) * (1.0 + part)
-    return rates_of(expansion.problem, jax.tree.unflatten(structure, leaves))
+
+    def away(change: np.ndarray) -> np.ndarray:
+        values = list(leaves)
+        for each, part in zip(several, change.tolist(), strict=True):
+            values[each.index] = np.asarray(leaves[each.index]) * (1.0 + part)
+        rates = rates_of(expansion.problem, jax.tree.unflatten(structure, values))
+        return (rates(expansion.t, expansion.y) - target).ravel()
+
+    none = np.zeros(len(several))
+    found = least_squares(away, none, "3-point", ftol=_CLOSE, xtol=_CLOSE, gtol=_CLOSE)
+    return found.x, float(np.max(np.abs(found.fun)))
 
 
 def _by_component(expansion: Expansion, size: float) -> Diagnosis | None:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ropeode.theory.changed_parameters import common_pace
 from ropeode.theory.diagnosis import Diagnosis, Fault
 from ropeode.theory.expansion import Expansion
 from ropeode.theory.projection import Projection, projected
@@ -40,8 +41,6 @@ _SPREAD, _UNCERTAIN = 1e-9, 3.0
 _VAGUE = 1e-2
 # Of a number, what rounding its factors to float32 takes off at most.
 _FLOAT32 = 1e-6
-# A step this much shorter than the longest still moves by more than rounding, with dt^2 too.
-_SHORT = 1e-3
 _DT_AS_GIVEN = "use dt as it is given: x_new = x + dt * v, v_new = v + dt * a"
 _PINS = "let the acceleration and the velocity of pinned nodes be 0"
 # Of which numbers of a node the coefficients of a force are multiples.
@@ -150,29 +149,16 @@ def _is_with_dt(name: str, expansions: Sequence[Expansion]) -> bool:
 def _is_mean_velocity(expansions: Sequence[Expansion]) -> bool:
     """Whether the new velocity is the difference of the positions, divided by dt."""
     for each in expansions:
-        dt = each.ladder / 8.0
-        after = each.samples.after(each.t, each.y, dt[:, None], 1)[:, 0, 1]
-        mean = (after[:, 0] - each.y[:, 0]) / dt[:, None, None]
+        after = _after(each)
+        mean = 8.0 * (after[:, 0] - each.y[:, 0]) / each.ladder[:, None, None]
         if np.max(np.abs(mean - after[:, 1])) > _EXPLAINED * np.max(np.abs(mean)):
             return False
     return True
 
 
-def _fields(expansion: Expansion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The right velocities and accelerations, and the differences from them."""
-    return expansion.slopes[:, 0], expansion.slopes[:, 1], expansion.rate(0).value
-
-
 def _pace(expansions: Sequence[Expansion]) -> Diagnosis | None:
     """The same factor on everything: time runs too fast or too slowly."""
-    right, off = [], []
-    for each in expansions:
-        v, a, difference = _fields(each)
-        right.append(np.stack([v, a], axis=1).ravel())
-        off.append(difference.ravel())
-    target = np.concatenate(off)
-    found = projected(target, np.concatenate(right)[None])
-    if found.rest > _EXPLAINED * np.max(np.abs(np.concatenate(right))):
+    if (found := common_pace(expansions)) is None:
         return None
     pace = 1.0 + float(found.coefficients[0])
     near, spread = abs(pace - 1.0), _UNCERTAIN * float(found.spread[0])
@@ -187,8 +173,9 @@ def _pace(expansions: Sequence[Expansion]) -> Diagnosis | None:
             {"pace": pace, "rest": found.rest},
             "write fractions as such (dt / 6), in float64",
         )
-    if abs(pace) < _EXPLAINED and (words := _standstill(expansions)):
-        return Diagnosis("equation", words, {"pace": 0.0}, _DT_AS_GIVEN)
+    if abs(pace) < _EXPLAINED and not any(np.any(_after(each) != each.y) for each in expansions):
+        line = "the step does not move at all"
+        return Diagnosis("equation", line, {"pace": 0.0}, _DT_AS_GIVEN)
     return Diagnosis(
         "pace",
         f"time runs {pace:.6g} times as fast as it should: at dt = 0 positions and velocities both "
@@ -199,23 +186,10 @@ def _pace(expansions: Sequence[Expansion]) -> Diagnosis | None:
     )
 
 
-def _standstill(expansions: Sequence[Expansion]) -> str:
-    """In words, that short steps do not move at all; nothing if they move with a power of dt."""
-    long, short = (
-        any(
-            np.any(
-                each.samples.after(each.t, each.y, part * each.ladder[:, None], 1)[:, 0, 1]
-                != each.y
-            )
-            for each in expansions
-        )
-        for part in (1.0, _SHORT)
-    )
-    if short:
-        return ""
-    if long:
-        return "short steps do not move at all, and long ones do: dt is rounded, or cut off"
-    return "the step does not move at all"
+def _after(expansion: Expansion) -> np.ndarray:
+    """The states after a step that is not long."""
+    dt = expansion.ladder[:, None] / 8.0
+    return expansion.samples.after(expansion.t, expansion.y, dt, 1)[:, 0, 1]
 
 
 class _Explanation(NamedTuple):

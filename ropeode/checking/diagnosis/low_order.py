@@ -22,11 +22,30 @@ _EXPLAINED, _CLOSE = 1e-4, 1e-3
 # what the force's time, its own node's position, its neighbours' positions before and behind it in
 # the row, and the velocity change in it.
 _OF_X = ("force", "damping")
+_OF_V = ("time", "own position", "node before", "node behind", "velocity")
+# What is said of several terms at once if they have the same factor; the first that fits is.
+_TAKEN = {
+    "the force is taken": _OF_V,
+    "the force takes the positions": _OF_V[1:4],
+    **{f"the force takes the {name}": (name,) for name in _OF_V[:4]},
+    "the damping takes the velocity": ("velocity",),
+}
+_POSITIONS = {
+    0.0: "the half of dt^2 a is missing in the positions",
+    1.0: "the positions contain dt^2 a in place of dt^2/2 a, as x + dt v_new does",
+}
+_TIMES = {0.0: "of the beginning of the step alone", 1.0: "of the end of the step alone"}
+_OF_POSITIONS = "x_new = x + dt * v + dt**2 / 2 * a"
+_OF_FORCES = "v_new = v + dt / 2 * (a(t, x, v) + a(t + dt, x_new, v_new))"
+# The causes of which one term alone is wrong, and the line that mends it.
+_ALONE: dict[tuple[str, ...], tuple[str, str]] = {
+    ("velocity",): ("lagged-damping", "damping force: -damping * (v + v_new) / 2"),
+    ("time",): ("stage-time", _OF_FORCES),
+}
 _STAGES = (
     "let each stage have a time, positions and velocities of its own, and take forces of these: "
     "k2 = f(t + c * dt, y + c * dt * k1), with y = (x, v)"
 )
-_OF_V = ("time", "own position", "node before", "node behind", "velocity")
 
 
 def diagnose_order_1(expansions: Sequence[Expansion], expected: int) -> Diagnosis | None:
@@ -61,26 +80,10 @@ def diagnose_order_1(expansions: Sequence[Expansion], expected: int) -> Diagnosi
 def _in_words(found: dict[str, dict[str, float]]) -> Diagnosis | None:
     x, v = found["positions"], found["velocities"]
     evidence = {"terms": found}
-    position, force = _common(x), _common(v)
-    wrong = {name for name, value in v.items() if not _is(value, 0.5)}
     before, behind = v.get("node before", 0.5), v.get("node behind", 0.5)
-    if _is(position, 0.5) and wrong == {"velocity"}:
-        return Diagnosis(
-            "lagged-damping",
-            f"the damping takes the velocity {_when(v['velocity'])}; all other forces are right: "
-            "its term of dt^2 must have the factor 1/2",
-            evidence,
-            "damping force: -damping * (v + v_new) / 2",
-        )
-    if _is(position, 0.5) and wrong == {"time"}:
-        return Diagnosis(
-            "stage-time",
-            f"forces that depend on time are taken {_when(v['time'])}; all else is right: a stage "
-            "at t + c dt needs the force at t + c dt",
-            evidence,
-            "v_new = v + dt / 2 * (a(t, x, v) + a(t + dt, x_new, v_new))",
-        )
-    if not _is(before, behind):
+    wrong = tuple(name for name, value in v.items() if not _is(value, 0.5))
+    right_positions = _is(_common(x), 0.5)
+    if not _is(before, behind) and not (right_positions and wrong in _ALONE):
         return Diagnosis(
             "in-place",
             "nodes are updated in place: the neighbour before a node in the row has moved when "
@@ -89,47 +92,37 @@ def _in_words(found: dict[str, dict[str, float]]) -> Diagnosis | None:
             evidence,
             "compute the forces on all nodes before the first one moves",
         )
-    parts, remedies = [], []
-    if position is None or not _is(position, 0.5):
-        parts.append(_positions(x, position))
-        remedies.append("x_new = x + dt * v + dt**2 / 2 * a")
-    if wrong:
-        remedies.append("v_new = v + dt / 2 * (a(t, x, v) + a(t + dt, x_new, v_new))")
-    if force is not None and not _is(force, 0.5):
-        parts.append(f"the force is taken {_when(force)}")
-    elif wrong:
-        parts += _of_force({name: v[name] for name in v if name in wrong})
+    parts = [] if right_positions else [_of_positions(x)]
+    left = {name: v[name] for name in wrong}
+    for words, names in _TAKEN.items():
+        those = {name: left[name] for name in names if name in left}
+        if those and those.keys() == {*names} & v.keys() and (share := _common(those)) is not None:
+            parts.append(f"{words} {_when(share)}")
+            left = {name: value for name, value in left.items() if name not in those}
     if not parts:
         return None
+    cause, mended = "order", _OF_FORCES
+    if right_positions and wrong in _ALONE:
+        cause, mended = _ALONE[wrong]
+        parts.append("all else is right")
+    remedies = [*([] if right_positions else [_OF_POSITIONS]), *([mended] if wrong else [])]
     line = f"the step is of order 1: {'; '.join(parts)}"
-    return Diagnosis("order", line, evidence, "; ".join(remedies))
+    return Diagnosis(cause, line, evidence, "; ".join(remedies))
 
 
-def _of_force(wrong: dict[str, float]) -> list[str]:
-    """What the force takes at the wrong time."""
-    places = {name: value for name, value in wrong.items() if name not in ("time", "velocity")}
-    if len(places) == len(_OF_V) - 2 and (share := _common(places)) is not None:
-        wrong = {"positions": share, **{n: v for n, v in wrong.items() if n not in places}}
-    return [f"the force takes the {name} {_when(value)}" for name, value in wrong.items()]
-
-
-def _positions(x: dict[str, float], common: float | None) -> str:
+def _of_positions(x: dict[str, float]) -> str:
+    common = _common(x)
     if common is None:
         return f"damping enters the positions with {x['damping']:.4g} dt^2 in place of 1/2 dt^2"
-    if _is(common, 0.0):
-        return "the half of dt^2 a is missing in the positions"
-    if _is(common, 1.0):
-        return "the positions contain dt^2 a in place of dt^2/2 a, as x + dt v_new does"
-    return f"the positions contain {common:.4g} dt^2 a in place of dt^2/2 a"
+    known = (words for value, words in _POSITIONS.items() if _is(common, value))
+    return next(known, f"the positions contain {common:.4g} dt^2 a in place of dt^2/2 a")
 
 
 def _when(share: float) -> str:
     """The time at which something is taken, from its factor of dt^2 in the velocities."""
-    if _is(share, 0.0):
-        return "of the beginning of the step alone"
-    if _is(share, 1.0):
-        return "of the end of the step alone"
-    return f"on average {share:.4g} dt after the beginning of the step, in place of dt/2"
+    known = (words for value, words in _TIMES.items() if _is(share, value))
+    other = f"on average {share:.4g} dt after the beginning of the step, in place of dt/2"
+    return next(known, other)
 
 
 def _common(values: dict[str, float]) -> float | None:
