@@ -10,6 +10,7 @@ from .run import simulate as simulate
 from .run import simulate_chunks as simulate_chunks
 from .step_map import CompiledAhead as CompiledAhead
 from .step_map import StepMap as StepMap
+from .step_map import flattened as flattened
 from .system import InUnits as InUnits
 from .system import as_seen as as_seen
 from .system import on_stored_states as on_stored_states

@@ -94,7 +94,7 @@ class StepMap:
 
         def derivative(steps: int) -> np.ndarray | None:
             before, after = every[steps], every[min(steps + 1, _AFTER[-1])]
-            if len(_flat(before)[0]) != len(_flat(after)[0]):
+            if len(flattened(before)[0]) != len(flattened(after)[0]):
                 # What is carried still grows.
                 return None
             return self.derivative(before, dt, self.moving(before, free))
@@ -142,8 +142,10 @@ class StepMap:
         """
         if self.exact:
             return np.asarray(self._derivatives[0](carried, dt))[moving][:, moving]
-        flat, unravel = _flat(carried)
-        return self.differences(lambda near: _flat(self._after(unravel(near), dt))[0], flat, moving)
+        flat, unravel = flattened(carried)
+        return self.differences(
+            lambda near: flattened(self._after(unravel(near), dt))[0], flat, moving
+        )
 
     @in_float64
     def start_derivative(self, y: np.ndarray, dt: float) -> np.ndarray:
@@ -151,7 +153,7 @@ class StepMap:
         if self.exact:
             return np.asarray(self._derivatives[1](y, dt)).reshape(-1, y.size)
         return self._columns(
-            lambda near: _flat(self.start(near.reshape(y.shape), dt))[0], y.ravel()
+            lambda near: flattened(self.start(near.reshape(y.shape), dt))[0], y.ravel()
         )
 
     @in_float64
@@ -159,7 +161,7 @@ class StepMap:
         """The derivative of `sample`, ``(components of the state, numbers)``."""
         if self.exact:
             return np.asarray(self._derivatives[2](carried, dt))
-        flat, unravel = _flat(carried)
+        flat, unravel = flattened(carried)
         return self._columns(lambda near: self.sample(unravel(near), dt).ravel(), flat)
 
     def differences(self, function: Callable, flat: np.ndarray, moving: np.ndarray) -> np.ndarray:
@@ -199,7 +201,7 @@ def _is_same(derivative: np.ndarray | None, expected: np.ndarray) -> bool:
     return not np.any(apart > _SAME * np.max(np.abs(expected)))
 
 
-def _flat(carried: Any) -> tuple[np.ndarray, Callable]:
+def flattened(carried: Any) -> tuple[np.ndarray, Callable]:
     """What is carried as one vector, and the way back: `ravel_pytree` of NumPy arrays, in NumPy."""
     leaves, structure = jax.tree.flatten(carried)
     leaves = [np.asarray(leaf) for leaf in leaves]

@@ -111,8 +111,8 @@ def _difference(
     samples: StepSamples, other: BuiltIn, t: np.ndarray, y: np.ndarray, reach: np.ndarray
 ) -> StepDifference:
     problem, dt = samples.problem, reach[:, None] * _SIZES
-    own = _first_steps(samples, t, y, dt)
-    others = _first_steps(_samples_of(problem, other), t, y, dt)
+    own = samples.after(t, y, dt, _STEPS)
+    others = _samples_of(problem, other).after(t, y, dt, _STEPS)
     with np.errstate(invalid="ignore", over="ignore"):
         apart = np.abs(own - others) / _size(problem, others, dt)
     # Where both are not finite they tell nothing; where one is not, they differ.
@@ -132,18 +132,6 @@ def _samples_of(problem: Problem, stepper: BuiltIn) -> StepSamples:
     if not stepper.moves_links and stepper.family != "implicit":
         method = dataclasses.replace(method, trial=Trial(compiled=False))
     return StepSamples(problem, method)
-
-
-def _first_steps(samples: StepSamples, t: np.ndarray, y: np.ndarray, dt: np.ndarray) -> np.ndarray:
-    """The states after 0, 1, ... steps, ``(states, sizes, steps + 1, *state)``."""
-    if not samples.carries_state:
-        return samples.after(t, y, dt, _STEPS)
-    sizes, shape = dt.shape[1], y.shape[1:]
-    states = [np.repeat(y, sizes, axis=0)]
-    for i in range(_STEPS):
-        times = (t[:, None] + i * dt).ravel()
-        states.append(samples.after(times, states[-1], dt.reshape(-1, 1), 1)[:, 0, 1])
-    return np.stack(states, axis=1).reshape(*dt.shape, _STEPS + 1, *shape)
 
 
 def _size(problem: Problem, states: np.ndarray, dt: np.ndarray) -> np.ndarray:

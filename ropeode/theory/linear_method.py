@@ -15,19 +15,19 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.flatten_util import ravel_pytree
 
 from ropeode.problems import Problem
 from ropeode.problems.links import LinearDamping
 from ropeode.simulation import (
     CompiledAhead,
     Method,
-    PythonStepper,
     StepMap,
+    flattened,
     on_stored_states,
-    on_user_clock,
     one_at_a_time,
 )
-from ropeode.steppers import BuiltIn, Stepper
+from ropeode.steppers import Stepper
 from ropeode.theory.step_samples import StepSamples, in_batches
 
 # Rows that a compiled program takes at once, and springs side by side in NumPy.
@@ -144,8 +144,6 @@ class LinearMethod:
         self.kind, self.equation = kind, _EQUATIONS[kind]()
         self.size = self.equation.y0.size
         self.is_one_step, self.is_together = True, False
-        own = type(method.stepper)
-        self._may_begin = own.init is not Stepper.init and not issubclass(own, BuiltIn)
         self._method = dataclasses.replace(method, stepper=method.stepper.on(None))
         self._beginning = 1
         self.is_compiled = method.trial.compiled
@@ -158,13 +156,12 @@ class LinearMethod:
         Returns:
             Whether all steps of a run are one linear map of what is carried, after the first ones.
         """
-        if self._may_begin:
-            equation = self.equation.changed(args=self.kind(*args[0].tolist()))
-            every = np.ones(equation.y0.shape[-2:], dtype=bool)
-            begin = StepMap(equation, self._method).beginning(equation.y0, 1.0, every)
-            if begin is None:
-                return False
-            self._beginning = max(1, begin)
+        equation = self._problem(args[0])
+        every = np.ones(equation.y0.shape[-2:], dtype=bool)
+        begin = StepMap(equation, self._method).beginning(equation.y0, 1.0, every)
+        if begin is None:
+            return False
+        self._beginning = max(1, begin)
         samples = self.powers(args)
         once = samples[:, 1]
         if not self.is_compiled and self.kind is Spring:
@@ -247,22 +244,23 @@ class LinearMethod:
             return in_batches(functools.partial(memory, self._beginning), (args,), _CHUNK)
         with one_at_a_time(), np.errstate(all="ignore"):
             rows = [
-                on_user_clock(
-                    _expanded, *self._in_python(row), np.zeros(self.size), self._beginning
-                )
+                _expanded(*self._in_python(row), np.zeros(self.size), self._beginning)
                 for row in args
             ]
         return _Memory(*map(np.stack, zip(*rows, strict=True)))
 
-    def _in_python(self, row: np.ndarray) -> tuple[Callable, ...]:
+    def _in_python(self, row: np.ndarray) -> tuple[Callable, Callable, Callable]:
         """`init`, `step` and `state` on flat states."""
-        problem = self.equation.changed(args=self.kind(*row.tolist()))
-        own = PythonStepper(problem, self._method.stepper)
+        problem = self._problem(row)
+        own, shape = StepMap(problem, self._method), problem.y0.shape
         return (
-            lambda y: own.init(0.0, y.reshape(problem.y0.shape), 1.0),
-            lambda i, carried: own.step(float(i), _copied(carried), 1.0),
-            lambda i, carried: own.state(float(i), _copied(carried), 1.0).reshape(-1),
+            lambda y: own.start(y.reshape(shape), 1.0),
+            lambda carried: own.step(carried, 1.0),
+            lambda carried: own.sample(carried, 1.0).ravel(),
         )
+
+    def _problem(self, row: np.ndarray) -> Problem:
+        return self.equation.changed(args=self.kind(*row.tolist()))
 
 
 @functools.lru_cache(maxsize=64)
@@ -277,14 +275,14 @@ def _programs(stepper: Stepper, kind: Any) -> tuple[Callable, Callable]:
         args = kind(*row)
         return (
             lambda y: init(args, 0.0, y.reshape(equation.y0.shape), 1.0),
-            lambda i, carried: step(args, 1.0 * i, carried, 1.0),
-            lambda i, carried: state(args, 1.0 * i, carried, 1.0).reshape(-1),
+            lambda carried: step(args, 0.0, carried, 1.0),
+            lambda carried: state(args, 0.0, carried, 1.0).ravel(),
         )
 
     def once(row: Any) -> Any:
         init, step, state = on(row)
         units = jnp.eye(equation.y0.size)[::2]
-        return jax.vmap(lambda y: state(1, step(0, init(y))))(units).T
+        return jax.vmap(lambda y: state(step(init(y))))(units).T
 
     def memory(beginning: Any, row: Any) -> Any:
         return _expanded(*on(row), jnp.zeros(equation.y0.size), beginning)
@@ -299,8 +297,8 @@ def _expanded(
 
     Arguments:
         init: from a state to what is carried.
-        step: ``step(i, carried)``, from the time of step i.
-        state: ``state(i, carried)``, at the time of step i.
+        step: from what is carried to what is carried after a step.
+        state: from what is carried to the state.
         zero: the state zero.
         beginning: how many steps come before the one that is looked at.
     """
@@ -308,58 +306,34 @@ def _expanded(
 
     def begun(y: Any) -> Any:
         if not in_numpy:
-            return jax.lax.fori_loop(0, beginning, step, init(y))
-        carried = init(y)
-        for i in range(beginning):
-            carried = step(i, carried)
-        return carried
+            return jax.lax.fori_loop(0, beginning, lambda _, carried: step(carried), init(y))
+        return functools.reduce(lambda carried, _: step(carried), range(beginning), init(y))
+
+    ravel: Callable = flattened if in_numpy else ravel_pytree
+
+    def numbers(carried: Any) -> Any:
+        return ravel(carried)[0]
+
+    def columns(function: Callable, at: Any) -> Any:
+        origin = function(at)
+        if in_numpy:
+            return np.stack([function(at + unit) - origin for unit in np.eye(len(at))], axis=1)
+        return jax.vmap(lambda unit: function(at + unit) - origin)(jnp.eye(len(at))).T
 
     still = begun(zero)
-    origin = _numbers(still)
-    after, shown = _numbers(step(beginning, still)), state(beginning, still)
-
-    def near(direction: Any) -> Any:
-        return _with_numbers(still, origin + direction)
-
-    def columns(function: Callable, size: int) -> Any:
-        if in_numpy:
-            return np.stack([function(unit) for unit in np.eye(size)], axis=1)
-        return jax.vmap(function)(jnp.eye(size)).T
-
-    return _Memory(
-        columns(lambda e: _numbers(begun(e)) - origin, len(zero)),
-        columns(lambda e: _numbers(step(beginning, near(e))) - after, len(origin)),
-        columns(lambda e: state(beginning, near(e)) - shown, len(origin)),
+    flat, unravel = ravel(still)
+    # Not what counts or decides, which no step multiplies.
+    own = np.concatenate(
+        [
+            np.full(np.size(leaf), np.issubdtype(np.result_type(leaf), np.floating))
+            for leaf in jax.tree.leaves(still)
+        ]
     )
-
-
-def _is_number(leaf: Any) -> bool:
-    """Whether it is none of what counts or decides, which stays as it is."""
-    return np.issubdtype(np.result_type(leaf), np.floating)
-
-
-def _numbers(carried: Any) -> Any:
-    """The floating-point numbers of what is carried, as one vector."""
-    leaves = [leaf for leaf in jax.tree.leaves(carried) if _is_number(leaf)]
-    own = jnp if any(isinstance(leaf, jax.Array) for leaf in leaves) else np
-    return own.concatenate([own.ravel(leaf) for leaf in leaves])
-
-
-def _with_numbers(like: Any, numbers: Any) -> Any:
-    """The opposite of `_numbers`; what is no number is as in `like`."""
-    leaves, structure = jax.tree.flatten(like)
-    first = 0
-    for i, leaf in enumerate(leaves):
-        if _is_number(leaf):
-            size = np.size(leaf)
-            leaves[i] = numbers[first : first + size].reshape(np.shape(leaf))
-            first += size
-    return jax.tree.unflatten(structure, leaves)
-
-
-def _copied(carried: Any) -> Any:
-    """A step may write to what it is handed."""
-    return jax.tree.map(lambda leaf: leaf.copy() if isinstance(leaf, np.ndarray) else leaf, carried)
+    return _Memory(
+        columns(lambda y: numbers(begun(y)), zero)[own],
+        columns(lambda near: numbers(step(unravel(near))), flat)[own][:, own],
+        columns(lambda near: state(unravel(near)), flat)[:, own],
+    )
 
 
 def _clear(matrices: np.ndarray) -> np.ndarray:

@@ -7,11 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ropeode.problems import Problem
 from ropeode.progress import Progress, silent
 from ropeode.references import Reference
 from ropeode.theory.flow import Flow, largest, short_flow
-from ropeode.theory.spectrum import derivatives_of_rhs
 from ropeode.theory.step_samples import rates_of
 
 # States at which a piece is looked at; pieces may be so many; states that are taken at once.
@@ -20,10 +18,6 @@ _PLACES, _MOST_PIECES, _AT_ONCE = 6, 3000, 512
 # is known for the other half.
 _FRACTIONS = np.arange(_PLACES + 1) / (2 * _PLACES)
 
-# A piece that is shorter than this part of the usual one stops at something that is not smooth.
-_ABRUPT = 1e-2
-# Where a problem is stiff, its fastest mode decays so many times over the whole solution.
-_STIFF = 300.0
 # The disturbance of time, in units of its last place, that shows a jump, and how large that is.
 _DISTURBANCE, _JUMP = 64.0, 1e-6
 
@@ -120,15 +114,10 @@ def _followed(reference: Reference, progress: Progress) -> Along | str:
             needed = count + np.sum(np.maximum(1.0, 2.0 * left / length))
         if not needed < _MOST_PIECES:
             short = int(np.argmin(np.nan_to_num(length)))
-            if _is_stiff(reference.problem, times, states):
-                return "the solution is stiff: it is smooth over a small part of a frame only"
-            usual = np.median(np.concatenate([length, *(each[2].length for each in found)]))
-            if not length[short] > _ABRUPT * usual:
-                return (
-                    f"near t = {t[short]:.4g} the right-hand side is not smooth, or changes very "
-                    "fast"
-                )
-            return "the solution is smooth over a small part of a frame only"
+            return (
+                f"near t = {t[short]:.4g} the solution is smooth over a small part of a frame "
+                "only: it is stiff, or the right-hand side is not smooth there"
+            )
         count += len(t)
         found.append((t[:, None] + _FRACTIONS * length[:, None], y[:, None] + moved, flow))
         # What rounding leaves of a frame is no piece of its own.
@@ -151,15 +140,3 @@ def _followed(reference: Reference, progress: Progress) -> Along | str:
     last[np.argmax(every)] = False
     inner = np.flatnonzero(~last)
     return Along(pieces, inner[np.argsort(every[inner])])
-
-
-def _is_stiff(problem: Problem, times: np.ndarray, states: np.ndarray) -> bool:
-    """Whether something decays much faster than a frame is long, all along the solution."""
-    with np.errstate(all="ignore"):
-        modes = derivatives_of_rhs(problem, times, states)
-    # At a corner, a slope may have no derivative.
-    modes = modes[np.all(np.isfinite(modes), axis=(1, 2))]
-    modes = np.linalg.eigvals(modes)
-    fastest = np.take_along_axis(modes, np.argmax(np.abs(modes), axis=1)[:, None], 1)[:, 0]
-    decay = np.where(-fastest.real > 0.5 * np.abs(fastest), -fastest.real, 0.0)
-    return bool(len(decay) and np.median(decay) * (times[-1] - times[0]) > _STIFF)
