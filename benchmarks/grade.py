@@ -68,12 +68,11 @@ def write_arrays(folder: Path, count: int, nodes: int) -> list[Path]:
 
 def read(path: Path, nodes: int) -> None:
     """Read a file, and print the seconds of processor time and the megabytes that it took."""
-    from ropeode.checking import FORMATS, Layout
-    from ropeode.checking.trajectories.sampling import sampled
+    from ropeode.checking import read_runs
 
     problem = Rope(num_nodes=nodes).problem(frames=FRAMES)
     before, started = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.process_time()
-    sampled(FORMATS[path.suffix](path, Layout.of(problem)).samples(), problem.ts)
+    read_runs([path], problem, fewest=1)
     seconds = time.process_time() - started
     print(seconds, (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,18 +15,26 @@ from ropeode.checking.trajectories.explanations import (
     explain_times,
     times_complaint,
 )
-from ropeode.checking.trajectories.initial_states import (
-    begins_in_single_precision,
-    check_initial_states,
-    misplaced_nodes,
+from ropeode.checking.trajectories.run_files import (
+    FEWEST,
+    Files,
+    Run,
+    finite,
+    for_each_file,
+    read_runs,
 )
-from ropeode.checking.trajectories.run_files import FEWEST, Files, Run, finite, read_runs
 from ropeode.checking.trajectories.time_errors import late_samples
 from ropeode.errors import InputError, ReferenceRefused
 from ropeode.problems import Problem
 from ropeode.progress import Progress
 from ropeode.references import Reference
-from ropeode.validation import not_traced
+from ropeode.validation import complaint, not_traced
+
+# How far off, as a part of the problem's size, a first sample in single precision is.
+_SINGLE = 4.0 * float(np.finfo(np.float32).eps)
+# Nodes in a row of which a distance can be told; and the number of the first, as people count.
+_FEWEST_NODES, _FIRSTS = 3, (0.0, 1.0, 0.5)
+_USUAL_FIX = "start from the initial state of the spec; `ropeode grade --init` writes it"
 
 
 def checked_runs(
@@ -35,7 +44,7 @@ def checked_runs(
     certified: Callable[[], Reference],
     progress: Progress,
     fewest: int = FEWEST,
-) -> tuple[tuple[Run, ...], float]:
+) -> tuple[Run, ...]:
     """Read files, and check their first samples.
 
     Arguments:
@@ -48,7 +57,7 @@ def checked_runs(
         fewest: likewise.
 
     Returns:
-        The runs, and the largest error of any number in a first sample.
+        The runs, from coarse to fine.
 
     Raises:
         InputError: they cannot be used; with the mistake that explains it, if there is one.
@@ -66,11 +75,12 @@ def checked_runs(
             raise
         raise InputError(times_complaint(explanation, asked)) from None
     try:
-        return runs, check_initial_states(runs)
+        _check_initial_states(runs)
     except InputError:
         if why := _why(finite(runs) or runs, asked, certified):
-            check_initial_states(runs, *why)
+            _check_initial_states(runs, *why)
         raise
+    return runs
 
 
 def _why(
@@ -80,9 +90,9 @@ def _why(
     if all(np.all(run.values == run.values[0]) for run in runs):
         fix = "write a copy of the state, not the array that the next step overwrites"
         return "all rows of a file are the same", fix
-    if begins_in_single_precision(runs):
+    if all(np.all(run.first_errors <= _SINGLE * run.problem.scale) for run in runs):
         return "it is right in single precision", "compute it in double precision"
-    if (placed := misplaced_nodes(runs)) is not None:
+    if (placed := _misplaced_nodes(runs)) is not None:
         return placed
     try:
         reference = certified()
@@ -93,3 +103,63 @@ def _why(
         return explanation.line, explanation.fix
     late = late_samples(reference, runs)
     return explain_start(runs) if late is None else (late.line, late.remedy)
+
+
+def _check_initial_states(runs: Sequence[Run], why: str = "", fix: str = _USUAL_FIX) -> None:
+    """Check that the first sample of each run is the initial state.
+
+    Arguments:
+        runs: of one program.
+        why: what explains another first sample, if that is known.
+        fix: how to mend it.
+
+    Raises:
+        InputError: one line for each fault.
+    """
+
+    def check(index: int) -> None:
+        if not (run := runs[index]).begins():
+            raise InputError(_complaint(run, why, fix))
+
+    for_each_file([run.path for run in runs], check)
+
+
+def _misplaced_nodes(runs: Sequence[Run]) -> tuple[str, str] | None:
+    """Nodes in a row at wrong equal distances, as where their number is taken for that of gaps.
+
+    Returns:
+        The mistake, and how to mend it.
+    """
+    dim, nodes = runs[0].layout.dim, runs[0].layout.nodes
+    right = runs[0].initial[:, :dim]
+    places, way = np.arange(nodes)[:, None], right[-1] - right[0]
+    evenly = right[0] + way * places / max(nodes - 1, 1)
+    if nodes < _FEWEST_NODES or np.any(np.abs(right - evenly) > runs[0].allowed_first_errors[:dim]):
+        return None
+    for first, gaps in itertools.product(_FIRSTS, (nodes, nodes + 1, nodes - 1, nodes - 2)):
+        off = right[0] + way * (places + first) / gaps - right
+        if np.any(off) and all(
+            np.all(np.abs(run.values[0, :, :dim] - right - off) <= run.allowed_first_errors[:dim])
+            and run.begins(slice(dim, None))
+            for run in runs
+        ):
+            i = f"(i + {first:g})" if first else "i"
+            return (
+                f"the nodes are placed at {i}/{gaps} of the way in place of i/{nodes - 1}: "
+                f"{nodes} nodes have {nodes - 1} gaps",
+                "place node i at start + (end - start) * i / (num_nodes - 1)",
+            )
+    return None
+
+
+def _complaint(run: Run, why: str, fix: str) -> str:
+    off = run.first_errors > run.allowed_first_errors
+    node, column = (int(i[0]) for i in np.nonzero(off))
+    name = run.layout.columns(run.values.shape[2] > run.layout.dim)[column]
+    return complaint(
+        f"{run.path}, initial state, node {node} ({name})",
+        float(run.values[0, node, column]),
+        f"{run.initial[node, column]:.9g}, the initial state of the problem"
+        + (f"; {why}" if why else ""),
+        fix,
+    )

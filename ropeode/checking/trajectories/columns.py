@@ -7,6 +7,7 @@ has that the usual one has not.
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -15,11 +16,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ropeode.checking.simple_numbers import shortest, shortest_factor
+from ropeode.checking.trajectories.layout import samples_of
 from ropeode.checking.trajectories.run_files import Run
 from ropeode.validation import listed
 
 # Readings with more mistakes than this are not tried.
-MOST_MISTAKES = 3
+_MOST_MISTAKES = 3
+# Runs are looked at if at most this part of the variation of the numbers is left over.
+_LEFT_OVER = 0.5
+# Readings are tried whose first row is right to this part of the largest numbers.
+_FIRST = 1e-3
+# So many rows show which mistakes may be made.
+_ROWS = 32
 # Of more coordinates only those in order are tried.
 _MOST_AXES = 3
 # What varies less than this part of the rest has no unit and no sign that could be seen.
@@ -39,6 +47,32 @@ _POWERS = {
     -1: ("{}1/dt times those of the problem", "multiply them by dt"),
 }
 _LEAVE_OUT = "write the velocities, or leave their columns out"
+
+
+@dataclasses.dataclass(frozen=True)
+class Explanation:
+    """A mistake in writing files, without which they agree with the reference.
+
+    Arguments:
+        cause: `columns` or `times`.
+        words: the mistake, in a sentence without its end.
+        fix: how to mend it.
+        agreement: what the files show if they are read so.
+        runs: as they should have been written.
+        like_another_problem: whether another problem with the same initial state moves so, too.
+    """
+
+    cause: str
+    words: str
+    fix: str
+    agreement: str
+    runs: tuple[Run, ...]
+    like_another_problem: bool = False
+
+    @property
+    def line(self) -> str:
+        """The mistake and its evidence."""
+        return f"{self.words}; read so, {self.agreement}"
 
 
 class Mistake(NamedTuple):
@@ -95,9 +129,10 @@ class Reading(NamedTuple):
         """The right numbers, ``(rows, nodes, columns)``."""
         return np.concatenate([each.read(values, dt) for each in self.maps], axis=2) + 0.0
 
-    def read_run(self, run: Run) -> np.ndarray:
-        """All numbers of a run, with no more digits than are in the file."""
+    def undone(self, run: Run, after: int) -> Run:
+        """A run as it should have been written; the rows before are right."""
         values = self.read(run.values, run.dt)
+        # No more digits than are in the file.
         off = np.concatenate(
             [
                 run.rounding[list(each.columns)] / (each.unit(run.dt) * np.min(each.masses))
@@ -107,7 +142,8 @@ class Reading(NamedTuple):
         for column in np.flatnonzero(off):
             decimals = math.floor(-math.log10(2.0 * off[column]) + _ROUNDED)
             values[:, :, column] = np.round(values[:, :, column], decimals)
-        return values
+        before = run.values[:after, :, : values.shape[2]]
+        return dataclasses.replace(run, values=np.concatenate([before, values[after:]]))
 
 
 class Samples(NamedTuple):
@@ -141,7 +177,61 @@ class Samples(NamedTuple):
         return self.run.parts_of(self.truth)[quantity]
 
 
-def readings(samples: Samples, *, shifts: bool) -> list[Reading]:
+def simplest(
+    states: np.ndarray,
+    runs: Sequence[Run],
+    evidence: Callable[[tuple[Run, ...]], str | None],
+    after: int = 0,
+    *,
+    shifts: bool = False,
+) -> Explanation | None:
+    """The fewest mistakes for which there is evidence if they are undone.
+
+    Arguments:
+        states: the right ones of the first rows.
+        runs: from coarse to fine.
+        evidence: what runs show, as part of a sentence; None if they show nothing.
+        after: the number of rows before, which are right.
+        shifts: whether the origin of positions may be another one.
+    """
+    rows = np.unique(np.linspace(after, len(states) - 1, _ROWS).astype(int))
+    truth = samples_of(runs[0].problem, states[rows])
+    files = [run.values[rows] for run in runs]
+    samples = Samples(runs[-1], [run.dt for run in runs], files, truth, not after)
+
+    def undone(reading: Reading) -> tuple[Run, ...]:
+        return tuple(reading.undone(run, after) for run in runs)
+
+    with np.errstate(all="ignore"):  # Runs that blew up have huge numbers.
+        near = [
+            each
+            for each in _readings(samples, shifts=shifts)
+            if _is_near(samples, each.read(files[-1], runs[-1].dt))
+        ]
+        for _, equal in itertools.groupby(near, key=lambda reading: len(reading.mistakes)):
+            found = [
+                (each, shown) for each in equal if (shown := evidence(undone(each))) is not None
+            ]
+            if found:
+                every = (" and ".join(one.words for one in each.mistakes) for each, _ in found)
+                words = "; or, which is the same here, ".join(dict.fromkeys(every))
+                reading, shown = found[0]
+                fix = "; ".join(one.fix for one in reading.mistakes)
+                text = f"after the first row, {words}" if after else words
+                return Explanation("columns", text, fix, shown, undone(reading))
+    return None
+
+
+def _is_near(samples: Samples, values: np.ndarray) -> bool:
+    """Whether little of the variation of the numbers is left over, and nothing in a first row."""
+    truth = samples.truth[:, :, : values.shape[2]]
+    way, off = values - np.mean(values, axis=(0, 1)), np.abs(values - truth)
+    if samples.begins and np.max(off[0]) > _FIRST * np.max(np.abs(truth)):
+        return False
+    return bool(np.sum(off**2) <= _LEFT_OVER**2 * np.sum(way**2))
+
+
+def _readings(samples: Samples, *, shifts: bool) -> list[Reading]:
     """All readings of files but the usual one, those with the fewest mistakes first.
 
     Arguments:
@@ -154,12 +244,12 @@ def readings(samples: Samples, *, shifts: bool) -> list[Reading]:
     every = [
         Reading((*lost, *_mistakes(samples, maps)), maps)
         for arranged in _arranged(samples, 1 if lost else fine.shape[2] // samples.run.layout.dim)
-        if len(lost) + len([*_mistakes(samples, arranged)]) <= MOST_MISTAKES
+        if len(lost) + len([*_mistakes(samples, arranged)]) <= _MOST_MISTAKES
         for scaled in _scaled(samples, arranged)
         for maps in (_shifted(samples, scaled) if shifts else [scaled])
     ]
     for each in sorted(every, key=lambda reading: len(reading.mistakes)):
-        if len(each.mistakes) <= MOST_MISTAKES:
+        if len(each.mistakes) <= _MOST_MISTAKES:
             found.setdefault(each.read(fine, dt).tobytes(), each)
     return [each for each in found.values() if each is not None]
 

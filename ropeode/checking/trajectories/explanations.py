@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -11,11 +10,10 @@ import numpy as np
 
 from ropeode.analysis import distances, moved, resolution
 from ropeode.checking.trajectories.clocks import Clock, Times, likely_clocks
-from ropeode.checking.trajectories.columns import Reading, Samples, readings
+from ropeode.checking.trajectories.columns import Explanation, simplest
 from ropeode.checking.trajectories.convergence import order_finding
-from ropeode.checking.trajectories.initial_states import begins_right, check_initial_states
 from ropeode.checking.trajectories.known_methods import same_method
-from ropeode.checking.trajectories.layout import Written, samples_of
+from ropeode.checking.trajectories.layout import Written
 from ropeode.checking.trajectories.run_files import Files, Run, finite, opened_files, run_of
 from ropeode.checking.trajectories.time_errors import RUNS, explains
 from ropeode.errors import InputError
@@ -27,39 +25,7 @@ from ropeode.validation import complaint
 # Where the step sizes show no order, the errors of the finest run must be tiny, as a part of the
 # motion; or small, and at most this part of those of the coarsest.
 _VERY_SMALL, _SMALL, _FALLEN = 1e-3, 0.1, 0.5
-# Runs are looked at if at most this part of the variation of the numbers is left over.
-_LEFT_OVER = 0.5
-# Readings are tried whose first row is right to this part of the largest numbers.
-_FIRST = 1e-3
-# So many rows show which mistakes may be made.
-_ROWS = 32
 _TINY = float(np.finfo(np.float64).tiny)
-
-
-@dataclasses.dataclass(frozen=True)
-class Explanation:
-    """A mistake in writing files, without which they agree with the reference.
-
-    Arguments:
-        cause: `columns` or `times`.
-        words: the mistake, in a sentence without its end.
-        fix: how to mend it.
-        agreement: what the files show if they are read so.
-        runs: as they should have been written.
-        like_another_problem: whether another problem with the same initial state moves so, too.
-    """
-
-    cause: str
-    words: str
-    fix: str
-    agreement: str
-    runs: tuple[Run, ...]
-    like_another_problem: bool = False
-
-    @property
-    def line(self) -> str:
-        """The mistake and its evidence."""
-        return f"{self.words}; read so, {self.agreement}"
 
 
 def explain_columns(
@@ -74,7 +40,7 @@ def explain_columns(
         runs: from coarse to fine.
         coarse: whether runs without the mistake may be too coarse to show an order.
     """
-    same_start = begins_right(runs, slice(0, runs[0].layout.dim))
+    same_start = all(run.begins(slice(runs[0].layout.dim)) for run in runs)
 
     def agreement(undone: tuple[Run, ...]) -> str | None:
         if not _better(reference, undone, runs):
@@ -83,10 +49,10 @@ def explain_columns(
 
     states = reference.states[: reference.trusted]
     # A mirror through the initial positions is another problem rather than a mistake.
-    found = _simplest(states, runs, agreement, shifts=not same_start)
+    found = simplest(states, runs, agreement, shifts=not same_start)
     moves = found is not None and same_start and _moves_positions(found.runs[-1], runs[-1])
-    if found is None and begins_right(runs, slice(None)):
-        found = _simplest(states, runs, agreement, after=1)
+    if found is None and all(run.begins() for run in runs):
+        found = simplest(states, runs, agreement, after=1)
     return found and dataclasses.replace(found, like_another_problem=moves)
 
 
@@ -106,77 +72,12 @@ def explain_start(runs: Sequence[Run]) -> tuple[str, str] | None:
     """
 
     def evidence(undone: tuple[Run, ...]) -> str | None:
-        try:
-            check_initial_states(undone)
-        except InputError:
-            return None
-        return ""
+        return "" if all(run.begins() for run in undone) else None
 
-    found = _simplest(runs[0].problem.y0[None], runs, evidence, shifts=True)
+    found = simplest(runs[0].problem.y0[None], runs, evidence, shifts=True)
     if found is None:
         return None
     return f"in the first sample {found.words}", f"{found.fix}, in the initial state too"
-
-
-def _is_near(samples: Samples, values: np.ndarray) -> bool:
-    """Whether little of the variation of the numbers is left over, and nothing in a first row."""
-    truth = samples.truth[:, :, : values.shape[2]]
-    way, off = values - np.mean(values, axis=(0, 1)), np.abs(values - truth)
-    if samples.begins and np.max(off[0]) > _FIRST * np.max(np.abs(truth)):
-        return False
-    return bool(np.sum(off**2) <= _LEFT_OVER**2 * np.sum(way**2))
-
-
-def _simplest(
-    states: np.ndarray,
-    runs: Sequence[Run],
-    evidence: Callable[[tuple[Run, ...]], str | None],
-    after: int = 0,
-    *,
-    shifts: bool = False,
-) -> Explanation | None:
-    """The fewest mistakes for which there is evidence if they are undone.
-
-    Arguments:
-        states: the right ones of the first rows.
-        runs: from coarse to fine.
-        evidence: what runs show, as part of a sentence; None if they show nothing.
-        after: the number of rows before, which are right.
-        shifts: whether the origin of positions may be another one.
-    """
-    rows = np.unique(np.linspace(after, len(states) - 1, _ROWS).astype(int))
-    truth = samples_of(runs[0].problem, states[rows])
-    files = [run.values[rows] for run in runs]
-    samples = Samples(runs[-1], [run.dt for run in runs], files, truth, not after)
-
-    def undone(reading: Reading) -> tuple[Run, ...]:
-        return tuple(_so_read(reading, run, after) for run in runs)
-
-    with np.errstate(all="ignore"):  # Runs that blew up have huge numbers.
-        near = [
-            each
-            for each in readings(samples, shifts=shifts)
-            if _is_near(samples, each.read(files[-1], runs[-1].dt))
-        ]
-        for _, equal in itertools.groupby(near, key=lambda reading: len(reading.mistakes)):
-            found = [
-                (each, shown) for each in equal if (shown := evidence(undone(each))) is not None
-            ]
-            if found:
-                every = (" and ".join(one.words for one in each.mistakes) for each, _ in found)
-                words = "; or, which is the same here, ".join(dict.fromkeys(every))
-                reading, shown = found[0]
-                fix = "; ".join(one.fix for one in reading.mistakes)
-                text = f"after the first row, {words}" if after else words
-                return Explanation("columns", text, fix, shown, undone(reading))
-    return None
-
-
-def _so_read(reading: Reading, run: Run, after: int) -> Run:
-    """A run as it should have been written; the rows before are right."""
-    values = reading.read_run(run)
-    before = run.values[:after, :, : values.shape[2]]
-    return dataclasses.replace(run, values=np.concatenate([before, values[after:]]))
 
 
 def explain(
@@ -285,9 +186,7 @@ def _agreement(reference: Reference, runs: Sequence[Run], *, coarse: bool = True
         runs: as they may have been meant.
         coarse: whether they may be too coarse to show an order.
     """
-    try:
-        check_initial_states(runs)
-    except InputError:
+    if not all(run.begins() for run in runs):
         return None
     finding, _ = order_finding(reference, runs, None)
     if finding.status == "undetermined":
@@ -303,7 +202,7 @@ def _better(reference: Reference, undone: Sequence[Run], runs: Sequence[Run]) ->
 
     Runs that do not begin with the initial state are wrong, however small their errors are.
     """
-    if not begins_right(runs, slice(None)):
+    if not all(run.begins() for run in runs):
         return True
 
     def error(run: Run, name: str) -> float:

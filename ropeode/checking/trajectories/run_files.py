@@ -13,8 +13,7 @@ import numpy as np
 
 from ropeode.checking.trajectories.array_files import ArrayFile
 from ropeode.checking.trajectories.csv_files import CsvFile
-from ropeode.checking.trajectories.layout import Layout, Written, states_of
-from ropeode.checking.trajectories.sampling import Diverged, sampled
+from ropeode.checking.trajectories.layout import Layout, Written, samples_of, states_of
 from ropeode.checking.written_precision import epsilon, last_digit
 from ropeode.errors import InputError
 from ropeode.problems import Problem
@@ -27,12 +26,33 @@ File = CsvFile | ArrayFile
 FORMATS: dict[str, type[File]] = {".csv": CsvFile, ".npz": ArrayFile, ".nc": ArrayFile}
 FEWEST = 3
 _NAMES_SHOWN = 3
-# Two values of a step size, or of a number of steps, are equal if they differ by less.
+# Units of rounding by which a first sample may be off: programs often compute positions.
+_ROUNDINGS = 4.0
+# Two step sizes, numbers of steps or intervals are equal if they differ by less, as a part.
 _SAME = 1e-3
+# Relative rounding errors of times: in float64, added up step by step; and if written with few
+# digits.
+_ADDED_UP, _FEW_DIGITS = 1e-9, 1e-5
+# As a part of an interval: a missing sample is detected however the times are rounded.
+_HALF = 0.5
 # In names of files. Those with a point or an exponent are step sizes rather than numbers of steps.
 _NUMBER = re.compile(r"\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 # In complaints, which are the same fault if they differ by these alone.
 _ANY_NUMBER = re.compile(r"[-+]?\d[\d.]*(e[-+]?\d+)?", re.IGNORECASE)
+
+
+class Diverged(NamedTuple):
+    """The first number of a file that is not finite.
+
+    Fields:
+        time: of its sample.
+        where: the file and the place in it.
+        given: the number.
+    """
+
+    time: float
+    where: str
+    given: float
 
 
 @dataclasses.dataclass(frozen=True)
@@ -89,6 +109,30 @@ class Run:
         One quantity tells: to positions in float32, an origin in float64 may be added.
         """
         return max(map(epsilon, self.parts_of(self.values)))
+
+    @functools.cached_property
+    def initial(self) -> np.ndarray:
+        """The initial state as the first sample of a file, ``(nodes, columns)``."""
+        return samples_of(self.problem, self.problem.y0[None])[0][:, : self.values.shape[2]]
+
+    @functools.cached_property
+    def first_errors(self) -> np.ndarray:
+        """The error of each number of the first sample, ``(nodes, columns)``."""
+        return np.abs(self.values[0] - self.initial)
+
+    @functools.cached_property
+    def allowed_first_errors(self) -> np.ndarray:
+        """How far the numbers of each column of the first sample may be off, ``(columns,)``."""
+        size = np.max(np.abs(self.values[0]), initial=self.problem.scale)
+        rounding = _ROUNDINGS * self.epsilon * size
+        # Velocities may be differences of positions.
+        columns = np.full(self.values.shape[2], rounding)
+        columns[self.layout.dim :] = rounding / self.dt
+        return columns + 2.0 * self.rounding
+
+    def begins(self, columns: slice = slice(None)) -> bool:
+        """Whether these columns begin with the initial state."""
+        return bool(np.all(self.first_errors[:, columns] <= self.allowed_first_errors[columns]))
 
     @property
     def single(self) -> bool:
@@ -323,13 +367,152 @@ def run_of(path: Path, dt: float, written: Written, problem: Problem) -> Run:
     Raises:
         InputError: a time is wrong or missing, or they are farther apart than dt allows.
     """
-    values, interval, diverged = sampled(written, problem.ts)
+    values, interval, diverged = _sampled(written, problem.ts)
     interval = interval or float(problem.ts[-1] - problem.ts[0])
     if dt > interval * (1.0 + _SAME):
         allowed = f"at most {interval:g}, the time between two samples of the file"
         fix = "check whether this dt belongs to another file"
         raise bad_value(f"{path}, dt", dt, allowed, fix)
     return Run(problem, path, dt, values, interval, diverged=diverged)
+
+
+def _sampled(
+    written: Written, wanted: np.ndarray
+) -> tuple[np.ndarray, float | None, Diverged | None]:
+    """Check the samples of a file, and take those at the wanted times.
+
+    Samples must be equally spaced, except where the wanted times are not; an interval that
+    ends at a wanted time may be shorter. At the first number that is not finite the run
+    diverged, and nothing that follows counts.
+
+    Arguments:
+        written: in a file.
+        wanted: sample times, increasing.
+
+    Returns:
+        The values, ``(times, nodes, columns)``, not-a-number from where the run diverged; the
+        interval between the first two samples in the file, None if there is only one; and the
+        first number that is not finite.
+
+    Raises:
+        InputError: a time is wrong or missing, or the first sample is not finite.
+    """
+    written, diverged = _finite_part(written)
+    times, _, where = written
+    if not len(times):
+        allowed = "a sample at each sample time"
+        raise bad_value(where(0, None, None), "no samples", allowed, "write them")
+    _check_order(written)
+    scale = np.maximum(np.abs(wanted), np.min(np.diff(wanted)))
+    if not _is_same_time(times[0], wanted[0], scale[0]):
+        raise bad_value(
+            where(0, None, None),
+            float(times[0]),
+            f"the start of the problem, t = {wanted[0]:g}, as the first time",
+            "write the initial state before the first step",
+        )
+    room = _FEW_DIGITS * scale
+    if len(times) > 1:
+        room = np.minimum(room, 0.25 * (times[1] - times[0]))
+    found = np.searchsorted(times, wanted - room)
+    found = found[found < len(times)]
+    right = [_is_same_time(*each) for each in zip(times[found], wanted, scale, strict=False)]
+    kept = found[: len(found) if all(right) else right.index(False)]
+    missing = None if all(right) else int(found[len(kept)])
+    _check_spacing(written, kept, missing, wanted)
+    if missing is not None:
+        raise bad_value(
+            where(missing, None, None),
+            f"t = {times[missing]:.9g} after t = {times[missing - 1]:.9g}",
+            f"a sample at t = {wanted[len(kept)]:g}, which is missing",
+            "check the number of steps before each sample; if dt does not divide the time, the "
+            "last one is shorter",
+        )
+    if diverged is None and len(kept) < len(wanted):
+        raise bad_value(
+            where(len(times) - 1, None, None),
+            f"t = {times[-1]:.9g} as the last time",
+            f"samples up to t = {wanted[-1]:g}; the one at t = {wanted[len(kept)]:g} is missing",
+            "make the remaining steps; if dt does not divide the time, the last one is shorter",
+        )
+    values = np.full((len(wanted), *written.values.shape[1:]), np.nan)
+    values[: len(kept)] = written.values[kept]
+    return values, float(times[1] - times[0]) if len(times) > 1 else None, diverged
+
+
+def _finite_part(written: Written) -> tuple[Written, Diverged | None]:
+    """The samples up to the first that is not finite, and that one."""
+    times, values, where = written
+    finite = np.isfinite(values)
+    whole = finite.all(axis=(1, 2)) & np.isfinite(times)
+    if whole.all():
+        return written, None
+    sample = int(np.argmin(whole))
+    if not np.isfinite(times[sample]):
+        given, node, column = times[sample], None, None
+    else:
+        node, column = (int(i[0]) for i in np.nonzero(~finite[sample]))
+        given = values[sample, node, column]
+    place = where(sample, node, column)
+    if sample == 0 or not np.isfinite(times[sample]):
+        fix = "start from the initial state, and write finite times in runs that diverged too"
+        raise bad_value(place, float(given), "a finite number", fix)
+    diverged = Diverged(float(times[sample]), place, float(given))
+    return Written(times[:sample], values[:sample], where), diverged
+
+
+def _check_order(written: Written) -> None:
+    back = np.diff(written.times) <= 0.0
+    if back.any():
+        sample = int(np.argmax(back)) + 1
+        raise bad_value(
+            written.where(sample, None, None),
+            f"t = {written.times[sample]:.9g} after t = {written.times[sample - 1]:.9g}",
+            "times in increasing order, each once",
+            "sort the samples, write each once, and write t with all digits",
+        )
+
+
+def _is_same_time(time: float, wanted: float, scale: float) -> bool:
+    """Whether a time is the wanted one, apart from rounding to its digits."""
+    if abs(time - wanted) <= _ADDED_UP * scale:
+        return True
+    if abs(time - wanted) > _FEW_DIGITS * scale:
+        return False
+    digits = len(f"{float(time)!r}".partition("e")[0].replace(".", "").strip("-0"))
+    return time in (float(f"{wanted:.{max(digits, 1)}g}"), float(np.float32(wanted)))
+
+
+def _check_spacing(
+    written: Written, kept: np.ndarray, missing: int | None, wanted: np.ndarray
+) -> None:
+    """Check that the samples before one that is missing are equally spaced."""
+    ends, gaps = written.times[1:missing], np.diff(written.times[:missing])
+    if not len(gaps):
+        return
+    hit = np.isin(np.arange(1, len(gaps) + 1), kept)
+    # The usual interval is the first one; where frames differ in length, the first of each frame.
+    usual = np.full(len(gaps), gaps[0])
+    if np.ptp(np.diff(wanted)) > _SAME * (wanted[1] - wanted[0]):
+        begins = np.append(True, hit[:-1])
+        usual = gaps[begins][np.cumsum(begins) - 1]
+    room = _SAME * usual + _ADDED_UP * np.abs(ends)
+
+    def wrong() -> np.ndarray:
+        return (gaps > usual + room) | ((gaps < usual - room) & ~hit)
+
+    if wrong().any():
+        rounding = epsilon(ends) * np.abs(ends) + 2.0 * last_digit(ends)
+        room += np.minimum(rounding, _HALF * usual)
+    if wrong().any():
+        i = int(np.argmax(wrong()))
+        raise bad_value(
+            written.where(i + 1, None, None),
+            f"a time {gaps[i]:.6g} after the previous one",
+            f"equal intervals, here {usual[i]:.6g}; only one that ends at a sample time may "
+            "be shorter",
+            "use one step size, and write every step or every k-th",
+        )
 
 
 def _steps_in(paths: Sequence[Path]) -> list[int]:

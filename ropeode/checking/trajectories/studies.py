@@ -264,7 +264,7 @@ def _runs(
     """The files, read and checked, and the norm."""
     own = problem_of(problem)
     measure = norm_for(own, norm)
-    runs, _ = checked_runs(
+    runs = checked_runs(
         files, own, dts, lambda: _reference(problem, progress, asked), progress, fewest=1
     )
     for run in runs:

@@ -13,7 +13,6 @@ import numpy as np
 from ropeode.analysis import differences, moved
 from ropeode.checking.report import Diagnosis
 from ropeode.checking.trajectories.convergence import beginning, order_finding
-from ropeode.checking.trajectories.initial_states import begins_right
 from ropeode.checking.trajectories.layout import samples_of
 from ropeode.checking.trajectories.run_files import Run
 from ropeode.norms import NORMS
@@ -333,7 +332,7 @@ class _Shifts:
         samples, dim = len(self._ts), self.runs[0].layout.dim
         places = [*map(self.problem.quantities.index, names)]
         columns = slice(places[0] * dim, (places[-1] + 1) * dim)
-        moves = self._ts > self._ts[0] if begins_right(self.runs, columns) else True
+        moves = self._ts > self._ts[0] if all(run.begins(columns) for run in self.runs) else True
         every = [self._late(k, delay, moves) for k in range(len(self.runs) - 1, -1, -1)]
         # A run that is too late for the series says nothing.
         known = [each for each in every if each.frame < each.end or each.frame == samples]

@@ -68,7 +68,7 @@ def grade(ask: AskGrade, laboratory: Laboratory, progress: Progress) -> Answer:
     with tempfile.TemporaryDirectory(prefix="ropeode-") as folder:
         try:
             paths = _written(ask.files, Path(folder))
-            found, _ = checked_runs(paths, motion.problem, None, lambda: reference, later, fewest=1)
+            found = checked_runs(paths, motion.problem, None, lambda: reference, later, fewest=1)
             report = None
             if len(paths) >= FEWEST:
                 report = graded(paths, reference, progress=later)
