@@ -22,7 +22,7 @@ from ropeode.checking.trajectories.checked_runs import checked_runs
 from ropeode.checking.trajectories.columns import Explanation
 from ropeode.checking.trajectories.convergence import order_finding
 from ropeode.checking.trajectories.departures import departure
-from ropeode.checking.trajectories.explanations import at_samples_of, explain, explain_columns
+from ropeode.checking.trajectories.explanations import explain, explain_columns
 from ropeode.checking.trajectories.known_methods import same_method
 from ropeode.checking.trajectories.more_runs import more_runs
 from ropeode.checking.trajectories.other_ropes import other_rope
@@ -227,7 +227,7 @@ class _Causes:
                 yield departs
             written = explain(reference, known, self.files, coarse=wrong)
             if written is not None and not written.like_another_problem:
-                yield _of_files(reference, written)
+                yield written.diagnosis
             certified = functools.partial(reference_for, options=self.options)
             if (other := other_rope(reference, known, certified)) is not None:
                 yield other
@@ -266,9 +266,9 @@ class _Causes:
             if same is not None and same.refutes(self.expected):
                 return same.diagnosis(reference.problem)
         if written is None:
-            return _with_what_is_right(solved, order)
+            return solved
         if solved.cause == "unknown":
-            solved = _of_files(reference, written)
+            solved = written.diagnosis
             also = "the program solves the problem with that change, which is the same"
         else:
             also = f"which is the same in the files, {written.line}"
@@ -375,30 +375,6 @@ def _is_unintended(late: Diagnosis, order: Finding) -> bool:
     return late.evidence["late"] != ["position"] and all(
         observed is not None and observed > _MORE_THAN_FIRST for observed in others
     )
-
-
-def _of_files(reference: Reference, written: Explanation) -> Diagnosis:
-    """The diagnosis that a program solves the problem, and writes it wrongly."""
-    evidence = {"read_so": written.agreement}
-    line, remedy = written.line, written.fix
-    sampled = at_samples_of(reference, written.runs[0].problem)
-    if (late := late_samples(sampled, written.runs)) is not None:
-        line += f". Moreover, {late.line}"
-        remedy = "; ".join(filter(None, (remedy, late.remedy)))
-        evidence |= late.evidence
-    return Diagnosis(written.cause, line, evidence, remedy)
-
-
-def _with_what_is_right(diagnosis: Diagnosis, order: Finding) -> Diagnosis:
-    """An unknown cause, with the quantities that converge to the solution if others do not."""
-    orders = _orders(order)
-    right = {name: each for name, each in orders.items() if each.verdict == "converges"}
-    wrong = [name for name, each in orders.items() if each.verdict == "does not converge"]
-    if diagnosis.cause != "unknown" or not right or not wrong:
-        return diagnosis
-    words = " and ".join(f"{name} (order {each.observed:.2f})" for name, each in right.items())
-    line = f"{diagnosis.line}. Only {' and '.join(wrong)} is wrong; right is {words}"
-    return dataclasses.replace(diagnosis, line=line)
 
 
 def _notes(runs: Sequence[Run], reference: Reference, order: Finding) -> list[str]:

@@ -90,6 +90,8 @@ class Clock:
         if not self.begins:
             first = samples_of(problem, problem.y0[None])[:, :, : values.shape[2]]
             times, values = np.append(problem.ts[0], times), np.concatenate([first, values])
+        if not self.ends:  # What stands there does not count.
+            times, values = np.append(times, problem.ts[-1]), np.concatenate([values, values[-1:]])
         return Written(times, values, written.where)
 
 
@@ -113,8 +115,8 @@ def likely_clocks(problem: Problem, files: Sequence[Times]) -> list[Clock]:
         return []
     begin = all(abs(each.first - start) <= _SAME * each.interval for each in files)
     found = [*_repeated(files)]
-    found += _shifted_rows(files, start) if begin else _other_start(files, start)
-    return [*found, *_units(files, start, end), *_rounded(files, start, end)]
+    found += _shifted_rows(files, start) if begin else []
+    return [*found, *_other_times(files, start, end), *_rounded(files, start, end)]
 
 
 def _repeated(files: Sequence[Times]) -> Iterator[Clock]:
@@ -150,8 +152,53 @@ def _shifted_rows(files: Sequence[Times], start: float) -> Iterator[Clock]:
     )
 
 
-def _other_start(files: Sequence[Times], start: float) -> Iterator[Clock]:
-    """Files whose first time is not the start of the problem."""
+def _other_times(files: Sequence[Times], start: float, end: float) -> Iterator[Clock]:
+    """Times from another origin or in another unit, of files with the initial state or without."""
+    dts, firsts, intervals, lasts = np.array(
+        [(each.dt, each.first, each.interval, each.all[-1]) for each in files]
+    ).T
+    for begins in (True, False):
+        origins = firsts if begins else np.full(len(files), start)
+        # What the unit would be of the whole motion, and of a step.
+        for units in ((lasts - origins) / (end - start), 1.0 / dts):
+            if np.min(units) <= 0.0:
+                continue
+            unit, same = float(units[0]), bool(np.ptp(units) <= _UNIT * abs(units[0]))
+            counted = bool(np.all(np.abs(units * dts - 1.0) <= _UNIT))
+            missing = "" if begins else ", and the initial state is missing"
+            first = "" if begins else ", and the initial state first"
+            if same and abs(unit - 1.0) <= _UNIT:
+                if np.all(np.abs(firsts - start) <= _SAME * intervals):
+                    continue
+                words, fix = _of_other_start(files, start, begins)
+            elif counted:
+                words, fix = f"t counts steps{missing}", f"write t = step * dt{first}"
+            elif same:
+                ratio = f"{1.0 / unit:.6g}" if unit <= 1.0 else f"1/{unit:.6g}"
+                words = f"one unit of t in the files is {ratio} of the problem's{missing}"
+                fix = f"write t in the problem's unit{first}, or grade with a spec in the program's"
+            # A file whose rows are equally spaced may number them.
+            elif np.all(intervals == 1.0):
+                words, fix = f"t counts rows{missing}", f"write the time of each row{first}"
+            else:
+                continue
+            # Step sizes in the files may be in the unit of their times.
+            steps = intervals / dts
+            whole = np.all((steps >= 1.0 - _WHOLE) & (np.abs(steps - np.rint(steps)) <= _WHOLE))
+            in_unit = units if same and not counted and whole else np.ones(len(files))
+            read = zip(files, origins, units, in_unit.tolist(), strict=True)
+            rounding = [2.0 * last_digit(each.all) for each in files]
+            yield Clock(
+                words,
+                fix,
+                tuple(Times(start + (f.all - at) / own, f.dt / dt) for f, at, own, dt in read),
+                begins=begins,
+                room=float(np.max(np.minimum(rounding, _CLOSE * intervals) / units)),
+            )
+
+
+def _of_other_start(files: Sequence[Times], start: float, begins: bool) -> tuple[str, str]:
+    """What is wrong where the first time is not the start of the problem, and how to mend it."""
     firsts = [each.first for each in files]
     if np.ptp(firsts) <= _SAME * min(each.interval for each in files):
         begin = f"t = {firsts[0]:g}"
@@ -159,74 +206,11 @@ def _other_start(files: Sequence[Times], start: float) -> Iterator[Clock]:
         begin = f"t = {start:g} + dt" if start else "t = dt"
     else:
         begin = "other times"
-    if min(firsts) > start:
-        yield Clock(
-            f"the initial state is missing: the first row is that at {begin}",
-            "write the initial state before the first step",
-            tuple(files),
-            begins=False,
-        )
-    yield Clock(
-        f"the initial state is written at {begin}, and each row as much too late",
-        f"let t begin at {start:g}",
-        tuple(each.moved(start - each.first) for each in files),
-    )
-
-
-def _units(files: Sequence[Times], start: float, end: float) -> Iterator[Clock]:
-    """Times in another unit, from zero or from the start of the problem."""
-    for begins in (True, False):
-        # What the unit, the time from its origin, would be of the whole motion, and of a step.
-        origins = np.array([each.first if begins else 0.0 for each in files])
-        units = (np.array([each.all[-1] for each in files]) - origins) / (end - start)
-        steps = 1.0 / np.array([each.dt for each in files])
-        yield from _unit(files, units, origins, start, begins)
-        if not np.allclose(units, steps, rtol=_UNIT):
-            yield from _unit(files, steps, origins, start, begins)
-
-
-def _unit(
-    files: Sequence[Times], units: np.ndarray, origins: np.ndarray, start: float, begins: bool
-) -> Iterator[Clock]:
-    """Times in these units of the files, if they are all the same, or all steps."""
-    dts, intervals = np.array([(each.dt, each.interval) for each in files]).T
-    unit, counted = float(units[0]), bool(np.all(np.abs(units * dts - 1.0) <= _UNIT))
-    same = bool(np.ptp(units) <= _UNIT * abs(unit))
-    # A file whose rows are equally spaced may number them.
-    rows = bool(np.all(intervals == 1.0))
-    if np.min(units) <= 0.0 or (same and abs(unit - 1.0) <= _UNIT):
-        return
-    if counted:
-        words, fix = "t counts steps", "write t = step * dt"
-    elif same:
-        words = f"one unit of t in the files is {_as_fraction(1.0 / unit)} of the problem's"
-        fix = "write t in the problem's unit, or grade with a spec in the program's unit"
-    elif rows:
-        words, fix = "t counts rows", "write the time of each row"
-    else:
-        return
-    if not begins:
-        words += ", and the initial state is missing"
-        fix += ", and the initial state first"
-    # Step sizes in the files may be in the unit of their times.
-    steps = intervals / dts
-    whole = np.all((steps >= 1.0 - _WHOLE) & (np.abs(steps - np.rint(steps)) <= _WHOLE))
-    in_unit = same and not counted and whole
-    rounding = [2.0 * last_digit(each.all) for each in files]
-    yield Clock(
-        words,
-        fix,
-        tuple(
-            Times(start + (each.all - origin) / own, each.dt / (own if in_unit else 1.0))
-            for each, own, origin in zip(files, units.tolist(), origins, strict=True)
-        ),
-        begins=begins,
-        room=float(np.max(np.minimum(rounding, _CLOSE * intervals) / units)),
-    )
-
-
-def _as_fraction(number: float) -> str:
-    return f"{number:.6g}" if number >= 1.0 else f"1/{1.0 / number:.6g}"
+    if begins:
+        words = f"the initial state is written at {begin}, and each row as much too late"
+        return words, f"let t begin at {start:g}"
+    words = f"the initial state is missing: the first row is that at {begin}"
+    return words, "write the initial state before the first step"
 
 
 def _rounded(files: Sequence[Times], start: float, end: float) -> Iterator[Clock]:

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ropeode.checking.report import Diagnosis
 from ropeode.checking.simple_numbers import shortest, shortest_factor
 from ropeode.checking.trajectories.layout import samples_of
 from ropeode.checking.trajectories.run_files import Run
@@ -73,6 +74,11 @@ class Explanation:
     def line(self) -> str:
         """The mistake and its evidence."""
         return f"{self.words}; read so, {self.agreement}"
+
+    @property
+    def diagnosis(self) -> Diagnosis:
+        """That a program solves the problem, and writes it wrongly."""
+        return Diagnosis(self.cause, self.line, {"read_so": self.agreement}, self.fix)
 
 
 class Mistake(NamedTuple):

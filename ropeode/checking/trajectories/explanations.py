@@ -11,14 +11,13 @@ import numpy as np
 from ropeode.analysis import distances, moved, resolution
 from ropeode.checking.trajectories.clocks import Clock, Times, likely_clocks
 from ropeode.checking.trajectories.columns import Explanation, simplest
-from ropeode.checking.trajectories.convergence import order_finding
+from ropeode.checking.trajectories.convergence import beginning, order_finding
 from ropeode.checking.trajectories.known_methods import same_method
 from ropeode.checking.trajectories.layout import Written
 from ropeode.checking.trajectories.run_files import Files, Run, finite, opened_files, run_of
 from ropeode.checking.trajectories.time_errors import RUNS, explains
 from ropeode.errors import InputError
 from ropeode.norms import NORMS
-from ropeode.problems import Problem
 from ropeode.references import Reference
 from ropeode.validation import complaint
 
@@ -137,10 +136,9 @@ def _explained(
 ) -> Explanation | None:
     """The explanation that files have other times, and maybe other columns, too."""
     problem = files.problem
-    shown = problem if clock.ends else problem.changed(ts=problem.ts[:-1], exact=None)
     try:
         read = [
-            run_of(path, clock.files[k].dt, clock.read(written, k, shown), shown)
+            run_of(path, clock.files[k].dt, clock.read(written, k, problem), problem)
             for k, (path, written) in enumerate(every)
         ]
     except InputError:
@@ -148,7 +146,9 @@ def _explained(
     runs = finite(sorted(read, key=lambda run: -run.dt))
     if len(runs) < files.fewest or len({run.quantities for run in runs}) > 1:
         return None
-    reference = at_samples_of(certified(), shown)
+    reference = beginning(certified(), problem.frames - (0 if clock.ends else 1))
+    if reference is None:
+        return None
 
     def is_better(runs: Sequence[Run]) -> bool:
         if not as_written:
@@ -165,17 +165,6 @@ def _explained(
         return None
     words, fix = f"{clock.words}, and {columns.words}", f"{clock.fix}; {columns.fix}"
     return dataclasses.replace(columns, cause="times", words=words, fix=fix)
-
-
-def at_samples_of(reference: Reference, problem: Problem) -> Reference:
-    """The reference of a problem that may have one sample less."""
-    trusted = min(reference.trusted, len(problem.ts))
-    return dataclasses.replace(
-        reference,
-        problem=problem,
-        states=reference.states[: len(problem.ts)],
-        certificate=dataclasses.replace(reference.certificate, trusted=trusted),
-    )
 
 
 def _agreement(reference: Reference, runs: Sequence[Run], *, coarse: bool = True) -> str | None:
