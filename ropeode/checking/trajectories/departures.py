@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -13,8 +14,8 @@ from ropeode.checking.report import Diagnosis
 from ropeode.checking.simple_numbers import shortest
 from ropeode.checking.trajectories.known_methods import (
     MOST_IN_PYTHON,
-    Actor,
     beginning_so,
+    beside,
     operations,
     steps_per_frame,
 )
@@ -126,25 +127,24 @@ def departure(reference: Reference, runs: Sequence[Run]) -> Diagnosis | None:
         parts = _apart(reference, first, samples_of(first.problem, made))
         return parts is not None and bool(np.max(parts[0]) <= parts[1])
 
-    for actors in beginning_so(reference.problem, known, begins):
+    for names in beginning_so(reference.problem, known, begins):
         found = {
-            actor.name: each
-            for actor in actors
+            name: each
+            for name in names
             # Other steppers of rigid links take long to compile, and few people write them.
-            if not rigid or as_stepper(actor.name).keeps_lengths
-            if (each := _of(reference, known, actor))
+            if not rigid or as_stepper(name).keeps_lengths
+            if (each := _of(reference, known, name))
         }
         if found:
             return _diagnosis(reference, [*found], next(iter(found.values())))
     return None
 
 
-def _of(reference: Reference, runs: Sequence[Run], actor: Actor) -> list[_Departure]:
+def _of(reference: Reference, runs: Sequence[Run], name: str) -> list[_Departure]:
     """The runs that depart from a stepper; none where that is not certain."""
     found: list[_Departure] = []
     norm = NORMS[f"{reference.problem.quantities[0]}-max"]
-    for run, steps in zip(runs, steps_per_frame(runs), strict=True):
-        made = actor.run(steps)
+    for run, made in beside(name, runs):
         apart = None if made is None else _apart(reference, run, made.values)
         if made is None or apart is None:
             found = []
@@ -154,7 +154,7 @@ def _of(reference: Reference, runs: Sequence[Run], actor: Actor) -> list[_Depart
         each = _Departure(run, made, *apart, way, errors)
         if each.later[1] > each.same:
             return []
-        found = [*found, each] if _is_sudden(actor, steps, each) else []
+        found = [*found, each] if _is_sudden(name, each) else []
     return found if _is_certain(found) else []
 
 
@@ -183,16 +183,17 @@ def _apart(reference: Reference, run: Run, made: np.ndarray) -> tuple[np.ndarray
     return np.max(np.abs(run.values[:end, :, :dim] - made[:end, :, :dim]), axis=2) / way, same
 
 
-def _is_sudden(actor: Actor, steps: int, each: _Departure) -> bool:
+def _is_sudden(name: str, each: _Departure) -> bool:
     """Whether no rounding can have grown so far, as another run shows that begins near by."""
-    problem, frame, same = actor.problem, each.frame, each.same
+    problem, frame, same = each.run.problem, each.frame, each.same
     if not frame or each.apart < max(_DEPARTS, _OF_GROWTH * same):
         return False
     change = same * each.way * np.random.default_rng(_SEED).standard_normal(problem.y0.shape)
     if problem.mechanics is not None:
         change[1] /= problem.ts[1] - problem.ts[0]
     near = problem.with_numbers(problem.y0 + change, problem.args, problem.parameters)
-    shaken, dim = Actor(actor.name, near, actor.columns).run(steps), each.made.layout.dim
+    dim = each.made.layout.dim
+    ((_, shaken),) = beside(name, [dataclasses.replace(each.made, problem=near)])
     if shaken is None:
         return False
     grown = np.max(np.abs(shaken.values - each.made.values)[..., :dim], axis=(1, 2)) / each.way

@@ -57,45 +57,37 @@ MOST_IN_PYTHON = 2048
 WHOLE = 1e-3
 
 
-class Actor:
-    """A stepper in the place of the program.
+@functools.lru_cache(maxsize=64)
+def run_as(name: str, problem: Problem, steps: int, columns: int) -> Run | None:
+    """The run of a stepper in the place of the program; None if it diverges.
 
     Arguments:
         name: of the stepper.
         problem: that it solves.
-        columns: of its runs, which have velocities or not.
+        steps: per frame.
+        columns: of the program's runs, which have velocities or not.
     """
+    made = simulate(problem, name, steps, progress=silent)
+    if made.status != "ok":
+        return None
+    values = samples_of(problem, made.states)[:, :, :columns]
+    return Run(problem, Path(f"{steps}.csv"), made.dt, values, step_size(problem, 1))
 
-    def __init__(self, name: str, problem: Problem, columns: int):
-        self.name, self.problem, self.columns = name, problem, columns
-        self._runs: dict[int, Run | None] = {}
-        self._beginnings: dict[int, np.ndarray] = {}
 
-    @in_float64
-    def beginning(self, steps: int) -> np.ndarray:
-        """The states ``(2, *state)`` at the ends of the first frame, with so many steps in it."""
-        if steps not in self._beginnings:
-            first = self.problem.changed(ts=self.problem.ts[:2], exact=None)
-            stepper = as_stepper(self.name).on(first.structure)
-            self._beginnings[steps], *_ = run_in_python(first, stepper, steps, math.inf, silent)
-        return self._beginnings[steps]
+@functools.lru_cache(maxsize=64)
+@in_float64
+def _first_frame(name: str, problem: Problem, steps: int) -> np.ndarray:
+    """The states ``(2, *state)`` of a stepper at its ends, with so many steps in it."""
+    first = problem.changed(ts=problem.ts[:2], exact=None)
+    states, *_ = run_in_python(first, as_stepper(name).on(first.structure), steps, math.inf, silent)
+    return states
 
-    def run(self, steps: int) -> Run | None:
-        """Its run with so many steps per frame; None if that diverges."""
-        if steps not in self._runs:
-            made = simulate(self.problem, self.name, steps, progress=silent)
-            values = samples_of(self.problem, made.states)[:, :, : self.columns]
-            path, frame = Path(f"{steps}.csv"), step_size(self.problem, 1)
-            run = Run(self.problem, path, made.dt, values, frame) if made.status == "ok" else None
-            self._runs[steps] = run
-        return self._runs[steps]
 
-    @property
-    def order(self) -> int:
-        """The order of the stepper on its problem; 0 if it does not converge there."""
-        order = as_stepper(self.name).order(problem_class(self.problem))
-        assert order is not None
-        return order
+def _order_of(name: str, problem: Problem) -> int:
+    """The order of a stepper on a problem; 0 if it does not converge there."""
+    order = as_stepper(name).order(problem_class(problem))
+    assert order is not None
+    return order
 
 
 def steps_per_frame(runs: Sequence[Run]) -> list[int]:
@@ -104,23 +96,9 @@ def steps_per_frame(runs: Sequence[Run]) -> list[int]:
     return [math.ceil(one / run.dt - WHOLE) for run in runs]
 
 
-@functools.lru_cache(maxsize=4)
-def _actors(problem: Problem, columns: int) -> list[list[Actor]]:
-    """The steppers that can solve a problem, as they are tried."""
-    kind = problem_class(problem)
-    return [
-        [
-            Actor(name, problem, columns)
-            for name in names
-            if (stepper := as_stepper(name)).solves(kind) and stepper.refusal(problem) is None
-        ]
-        for names in _LIKELY
-    ]
-
-
 def beginning_so(
     problem: Problem, runs: Sequence[Run], agrees: Callable[[np.ndarray], bool]
-) -> Iterator[list[Actor]]:
+) -> Iterator[list[str]]:
     """Steppers that begin like runs, as they are to be tried: those first that most people write.
 
     Arguments:
@@ -134,8 +112,14 @@ def beginning_so(
         return
     # Loops, as rigid links have them, are compiled each on its own.
     slow = counts[0] > MOST_IN_PYTHON or bool(operations(problem) & {"scan", "while"})
-    for actors in _actors(problem, runs[0].values.shape[2]):
-        yield [actor for actor in actors if slow or agrees(actor.beginning(counts[0]))]
+    kind = problem_class(problem)
+    for names in _LIKELY:
+        yield [
+            name
+            for name in names
+            if (stepper := as_stepper(name)).solves(kind) and stepper.refusal(problem) is None
+            if slow or agrees(_first_frame(name, problem, counts[0]))
+        ]
 
 
 @in_float64
@@ -147,24 +131,29 @@ def operations(problem: Problem) -> set[str]:
     return {each.primitive.name for each in equations(traced)}
 
 
-def like_steppers(reference: Reference, runs: Sequence[Run]) -> list[Actor]:
+def like_steppers(reference: Reference, runs: Sequence[Run]) -> list[str]:
     """Steppers whose positions are like those of all runs; none where no run is finite."""
     if not runs:
         return []
-    counts = steps_per_frame(runs)
     begins = functools.partial(_alike, reference, runs[0], part=_BEGINS)
-    for actors in beginning_so(reference.problem, runs, begins):
+    for names in beginning_so(reference.problem, runs, begins):
         found = [
-            actor
-            for actor in actors
+            name
+            for name in names
             if all(
-                (made := actor.run(n)) is not None and _alike(reference, run, made.states)
-                for run, n in zip(runs, counts, strict=True)
+                made is not None and _alike(reference, run, made.states)
+                for run, made in beside(name, runs)
             )
         ]
         if found:
             return found
     return []
+
+
+def beside(name: str, runs: Sequence[Run]) -> Iterator[tuple[Run, Run | None]]:
+    """Runs of a program, each with that of a stepper."""
+    for run, steps in zip(runs, steps_per_frame(runs), strict=True):
+        yield run, run_as(name, run.problem, steps, run.values.shape[2])
 
 
 def _alike(reference: Reference, run: Run, made: np.ndarray, part: float = _ALIKE) -> bool:
@@ -245,18 +234,14 @@ def same_method(reference: Reference, runs: Sequence[Run]) -> Identity | None:
     """
     known = finite(runs)
     like = like_steppers(reference, known)
-    agreed = [
-        _agreeing(reference, run, actor.run(n))
-        for actor in like
-        for run, n in zip(known, steps_per_frame(known), strict=True)
-    ]
+    agreed = [_agreeing(reference, run, made) for name in like for run, made in beside(name, known)]
     # What is only like it, and not the same, would be evidence of another order.
     if min((frames for frames, _, _ in agreed), default=0) < 1:
         return None
     frames, misfits, complete = zip(*agreed, strict=True)
     return Identity(
-        tuple(actor.name for actor in like),
-        tuple(actor.order for actor in like),
+        tuple(like),
+        tuple(_order_of(name, reference.problem) for name in like),
         min(frames),
         max(misfits),
         len(known) == len(runs) and all(complete),

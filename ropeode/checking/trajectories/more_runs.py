@@ -13,8 +13,8 @@ from ropeode.checking.trajectories.convergence import order_finding, shown, unst
 from ropeode.checking.trajectories.known_methods import (
     FIRST,
     WHOLE,
-    Actor,
     like_steppers,
+    run_as,
     steps_per_frame,
 )
 from ropeode.checking.trajectories.run_files import Run, finite
@@ -60,15 +60,12 @@ def more_runs(
         convergence: of the runs.
     """
     same = like_steppers(reference, finite(runs))
-    names = [actor.name for actor in same]
+    names = same
     words = f"the positions agree with those of {listed(names)}; " if same else ""
     # Runs with few digits have to be made again.
     exact = all(np.all(run.rounding == 0.0) for run in finite(runs))
     for steps in _windows(runs) if same else ():
-        shown_by = (
-            _order(reference, runs if exact else (), actor, steps_per_frame(runs), steps, expected)
-            for actor in same
-        )
+        shown_by = (_order(reference, runs, exact, name, steps, expected) for name in same)
         orders = [*itertools.takewhile(lambda order: order is not None, shown_by)]
         if len(orders) == len(same):
             write = "" if exact else "write 17 digits, and "
@@ -123,23 +120,28 @@ def _windows(runs: Sequence[Run]) -> list[tuple[int, ...]]:
 def _order(
     reference: Reference,
     runs: Sequence[Run],
-    actor: Actor,
-    counts: Sequence[int],
+    exact: bool,
+    name: str,
     steps: Sequence[int],
     expected: int | None,
 ) -> float | None:
-    """The order in positions that an actor clearly shows with further runs; None if it does not.
+    """The order in positions that a stepper clearly shows with further runs; None if it does not.
 
     Arguments:
         reference: of the problem.
-        runs: of the program; none where the actor makes these, too.
-        actor: in its place.
-        counts: the steps per frame that there are already.
-        steps: those of the further runs.
+        runs: of the program.
+        exact: whether they have all digits; the stepper makes others again.
+        name: of the stepper, in the place of the program.
+        steps: of the further runs, per frame.
         expected: the order that is claimed.
     """
-    further = [actor.run(n) for n in steps]
-    own = runs or [actor.run(n) for n in counts]
+    columns = runs[0].values.shape[2]
+
+    def made_by_it(counts: Sequence[int]) -> list[Run | None]:
+        return [run_as(name, reference.problem, n, columns) for n in counts]
+
+    further = made_by_it(steps)
+    own = runs if exact else made_by_it(steps_per_frame(runs))
     made = [run for run in (*own, *further) if run is not None]
     if any(run is None for run in further):
         return None
@@ -151,7 +153,7 @@ def _order(
     order = finding.convergence.orders[reference.problem.quantities[0]]
     assert order.ci95 is not None
     low, high = order.ci95
-    # A program may differ a little from the actor.
+    # A program may differ a little from the stepper.
     return order.observed if high - low <= _NARROW * high else None
 
 
