@@ -37,8 +37,6 @@ from .trajectories.run_files import FEWEST as FEWEST
 from .trajectories.run_files import FORMATS as FORMATS
 from .trajectories.run_files import Run as Run
 from .trajectories.run_files import read_runs as read_runs
-from .trajectories.studies import FileRow as FileRow
-from .trajectories.studies import TrajectoryErrors as TrajectoryErrors
 from .trajectories.studies import trajectory_energy_curves as trajectory_energy_curves
 from .trajectories.studies import trajectory_error_curves as trajectory_error_curves
 from .trajectories.studies import trajectory_errors as trajectory_errors

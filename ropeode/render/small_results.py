@@ -10,20 +10,13 @@ from typing import Any
 import numpy as np
 
 from ropeode.analysis import ErrorSeries, LyapunovExponent, Motion
-from ropeode.checking import TrajectoryErrors
 from ropeode.problems import Ensemble, NoEquations, Problem
 from ropeode.references import Certificate, Reference, Verification
 from ropeode.render.markup import Block, Grid, Heading, Paragraph
 from ropeode.render.reference import certificate_claim, sparkline, value_words
 from ropeode.render.results import blocks, line, rows
 from ropeode.render.table_words import (
-    RUN_HEADERS,
-    error_cell,
-    error_words,
-    observed_words,
-    order_interval,
     problem_words,
-    reference_words,
     trust_words,
 )
 from ropeode.simulation import JaxStepper, Trajectories, Trajectory
@@ -145,29 +138,6 @@ def _(errors: ErrorSeries) -> str:
 
 
 @line.register
-def _(errors: TrajectoryErrors) -> str:
-    (each,) = errors.orders
-    files = counted(len(errors.rows), "file")
-    return f"{problem_words(errors.problem)}; {files}; order: {observed_words(each.order)}"
-
-
-@blocks.register
-def _(errors: TrajectoryErrors) -> list[Block]:
-    (each,) = errors.orders
-    order = each.order
-    runs = [(f"{row.dt:.4g}", error_cell(row.error_max, row.resolution)) for row in errors.rows]
-    return [
-        Heading(f"Errors of {each.stepper}: {problem_words(errors.problem)}"),
-        Paragraph(error_words(errors)),
-        Grid(RUN_HEADERS[1:3], runs, left=frozenset()),
-        Paragraph(
-            f"Observed order: {observed_words(order)}, 95% interval {order_interval(order)}."
-        ),
-        Paragraph(reference_words(errors)),
-    ]
-
-
-@line.register
 def _(curves: ErrorCurves) -> str:
     return f"{problem_words(curves.problem)}; {curves.norm.name} {_of(curves.curves)}"
 
@@ -236,11 +206,6 @@ def _(run: Trajectory) -> dict[str, np.ndarray]:
 @rows.register
 def _(errors: ErrorSeries) -> dict[str, np.ndarray]:
     return {"time": errors.times, "error": errors.values, "resolution": errors.resolution}
-
-
-@rows.register
-def _(errors: TrajectoryErrors) -> list[dict[str, Any]]:
-    return [dataclasses.asdict(row) for row in errors.rows]
 
 
 @rows.register

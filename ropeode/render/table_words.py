@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,11 +15,7 @@ from ropeode.study.error_constant import AGREE_CLOSELY, ErrorConstant
 from ropeode.validation import counted
 
 if TYPE_CHECKING:
-    from ropeode.checking import TrajectoryErrors
     from ropeode.study import WorkPrecision
-
-    # What has errors against step size.
-    Errors: TypeAlias = AccuracyTable | TrajectoryErrors
 
 RUN_HEADERS = (
     "steps/frame",
@@ -64,7 +60,7 @@ def _parameter_words(name: str, value: Any) -> str:
     return f"{words} {json.dumps(value)}" if len(value) <= 3 else f"{words} of each its own"
 
 
-def error_words(table: Errors | WorkPrecision) -> str:
+def error_words(table: AccuracyTable | WorkPrecision) -> str:
     """Which error the table has."""
     last = table.reference.trusted - 1
     return f"Error: {table.norm.words}, over samples 1 to {last}."
@@ -79,12 +75,13 @@ def run_cells(row: Row, digits: int = 3) -> tuple[str, ...]:
             error_cell(error, row.resolution, digits)
             for error in (row.error_max, row.error_final, row.error_rms)
         )
+    seconds = f"{row.seconds:.2g}" if row.seconds < 10 else f"{row.seconds:.0f}"
     return (
         str(row.steps_per_frame),
         f"{row.dt:.4g}",
         *errors,
         str(row.rhs_evaluations or "-"),
-        f"{row.seconds:.2g}" if row.seconds < 10 else f"{row.seconds:.0f}",
+        "-" if np.isnan(row.seconds) else seconds,
     )
 
 
@@ -178,7 +175,7 @@ def order_remark(order: StepperOrder) -> str | None:
     return "keeps every link at its length: solves the inextensible rope, not this one"
 
 
-def reference_words(table: Errors | WorkPrecision) -> str:
+def reference_words(table: AccuracyTable | WorkPrecision) -> str:
     """The reference and its bound, in the quantity of the errors."""
     reference, quantity = table.reference, table.norm.quantity
     certificate = reference.certificate
@@ -204,7 +201,7 @@ def trust_words(certificate: Certificate) -> str:
     return f"trusted before t = {certificate.horizon:g} only ({certificate.horizon_reason})"
 
 
-def _agreement(table: Errors | WorkPrecision, differences: np.ndarray) -> str:
+def _agreement(table: AccuracyTable | WorkPrecision, differences: np.ndarray) -> str:
     """How closely a witness agrees, and up to where if it has a horizon of its own."""
     reached = int(np.argmin(np.append(np.isfinite(differences), False)))
     words = f"agrees to {np.max(differences[:reached]):.1e}"

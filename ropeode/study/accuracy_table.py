@@ -86,7 +86,8 @@ class Row:
         round_off: estimated from the same run in other units; None if it diverged, or if the
             stepper computes its own forces, in its own units.
         rhs_evaluations: of the right-hand side; None where nobody can count them.
-        seconds: to run, without compiling, beside another run on each other processor.
+        seconds: to run, without compiling, beside another run on each other processor;
+            not-a-number for a trajectory from a file.
     """
 
     stepper: str

@@ -2,30 +2,32 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
+import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ropeode.analysis import differences, distances, resolution
+from ropeode.analysis import differences, distances, error_series, resolution
 from ropeode.checking.trajectories.checked_runs import checked_runs
 from ropeode.checking.trajectories.convergence import converging_runs, shown, worst_rounding
+from ropeode.checking.trajectories.known_methods import steps_per_frame
 from ropeode.checking.trajectories.run_files import Run, names_of
-from ropeode.display import Tabular
 from ropeode.norms import Norm, norm_for
 from ropeode.problems import Problem
 from ropeode.progress import Progress, bar, shows_progress
 from ropeode.references import Reference, ReferenceOptions, problem_of, reference_for
 from ropeode.study import (
+    AccuracyTable,
     Curve,
     EnergyCurves,
     ErrorCurves,
     NodePath,
     NodePaths,
+    Row,
     StepperOrder,
     check_energy,
     check_positions,
@@ -40,46 +42,6 @@ from ropeode.validation import bad_value
 _WHOLE = 0.01
 
 
-@dataclasses.dataclass(frozen=True)
-class FileRow:
-    """The error of one file.
-
-    Arguments:
-        stepper: the names of all files, which one program wrote.
-        dt: step size.
-        status: `ok`; a file with numbers that are not finite is refused.
-        error_max: the largest error inside the trust horizon; None if it is below `resolution`.
-        resolution: ten times the reference's estimated bound.
-    """
-
-    stepper: str
-    dt: float
-    status: Literal["ok"]
-    error_max: float | None
-    resolution: float
-
-
-@dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class TrajectoryErrors(Tabular):
-    """Errors of trajectories against step size, with their observed order.
-
-    `ropeode.plot_convergence` draws it like an accuracy table.
-
-    Arguments:
-        problem: the problem of the trajectories.
-        reference: with its certificate.
-        norm: in which errors are measured.
-        rows: one for each file, from coarse to fine.
-        orders: one, since one program wrote the files.
-    """
-
-    problem: Problem
-    reference: Reference
-    norm: Norm
-    rows: tuple[FileRow, ...]
-    orders: tuple[StepperOrder, ...]
-
-
 @shows_progress
 def trajectory_errors(
     files: Sequence[str | Path],
@@ -89,8 +51,10 @@ def trajectory_errors(
     norm: str | None = None,
     progress: Progress = bar,
     **asked: Any,
-) -> TrajectoryErrors:
-    """Errors of trajectories against step size.
+) -> AccuracyTable:
+    """Errors of trajectories against step size, and their observed order, as an accuracy table.
+
+    All files are runs of one stepper, whose name is theirs. Nobody knows how long they took.
 
     Arguments:
         files: CSV, NPZ or NetCDF, as `ropeode.grade` reads them, one for each step size.
@@ -122,14 +86,28 @@ def trajectory_errors(
         worst = functools.partial(worst_rounding, reference=reference)
         order = converging_runs(reference, runs, worst, norms=[measure]).orders[measure.quantity]
     name, smallest = names_of(runs), observed.resolution[measure.quantity]
-    errors = [each or 0.0 for each in observed.errors[measure.quantity]]
-    return TrajectoryErrors(
+    series = [error_series(run.states, reference, measure.name) for run in runs]
+    return AccuracyTable(
         problem=reference.problem,
         reference=reference,
         norm=measure,
         rows=tuple(
-            FileRow(name, run.dt, "ok", error if error >= smallest else None, smallest)
-            for run, error in zip(runs, errors, strict=True)
+            Row(
+                stepper=name,
+                steps_per_frame=steps,
+                dt=run.dt,
+                status="ok",
+                diverged_at=None,
+                error_final=errors.final,
+                error_max=errors.max,
+                error_rms=errors.rms,
+                resolved=errors.max is not None,
+                resolution=smallest,
+                round_off=None,
+                rhs_evaluations=None,
+                seconds=math.nan,
+            )
+            for run, steps, errors in zip(runs, steps_per_frame(runs), series, strict=True)
         ),
         orders=(StepperOrder(name, None, order),),
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import matplotlib
 import numpy as np
@@ -15,7 +15,6 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
 
-from ropeode.checking import TrajectoryErrors
 from ropeode.render import table_words
 from ropeode.render.plots.labels import with_unit
 from ropeode.render.plots.overlaps import TURNS, moved_right, side_by_side, take_turns
@@ -31,10 +30,7 @@ from ropeode.render.plots.style import (
     stepper_style,
 )
 from ropeode.study import AccuracyTable, StepperOrder
-from ropeode.validation import bad_value
-
-if TYPE_CHECKING:
-    from ropeode.render.table_words import Errors
+from ropeode.validation import bad_value, check_kind
 
 _AXES_HEIGHT = 3.8
 _DENSE = 40
@@ -63,7 +59,7 @@ class FittedLine(NamedTuple):
 
 
 @matplotlib.rc_context(STYLE)
-def plot_convergence(table: Errors, *, ax: Axes | None = None) -> Figure:
+def plot_convergence(table: AccuracyTable, *, ax: Axes | None = None) -> Figure:
     """Error against step size, with the fitted orders and what was left out of them.
 
     Arguments:
@@ -81,9 +77,7 @@ def plot_convergence(table: Errors, *, ax: Axes | None = None) -> Figure:
         >>> plot_convergence(table).axes[0].get_xlabel()
         'step size dt [frames]'
     """
-    if not isinstance(table, AccuracyTable | TrajectoryErrors):
-        allowed = "an accuracy table, or errors of trajectories"
-        raise bad_value("table", table, allowed, "make one with ropeode.accuracy_table")
+    check_kind("table", table, AccuracyTable, "accuracy_table")
     if ax is not None and not isinstance(ax, Axes):
         raise bad_value("ax", ax, "axes of matplotlib", "for example figure.subplots()")
     drawn = {each.stepper: points(table, each.stepper) for each in table.orders}
@@ -173,7 +167,7 @@ def _draw_fits(axes: Axes, fits: Sequence[FittedLine | None]) -> list[Line2D]:
     ]
 
 
-def _draw_predictions(axes: Axes, table: Errors) -> list[Line2D]:
+def _draw_predictions(axes: Axes, table: AccuracyTable) -> list[Line2D]:
     """The lines ``C dt^p`` of theory, over all step sizes, where there are any."""
     lines = []
     for index, each in enumerate(table.orders):
@@ -187,7 +181,7 @@ def _draw_predictions(axes: Axes, table: Errors) -> list[Line2D]:
 
 
 def _legends(
-    table: Errors, shown: Sequence[str], shared: bool
+    table: AccuracyTable, shown: Sequence[str], shared: bool
 ) -> tuple[list[Artist], list[Artist]]:
     """The steppers with their orders, and what the marks mean."""
     steppers: list[Artist] = [

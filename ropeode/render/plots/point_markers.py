@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.path import Path
 
 from ropeode.analysis import PRE_ASYMPTOTIC, ROUND_OFF, TOO_FEW, UNRESOLVED, UNSOLVED, UNSTABLE
-from ropeode.study import Row
-
-if TYPE_CHECKING:
-    from ropeode.checking import FileRow
-    from ropeode.render.table_words import Errors
+from ropeode.study import AccuracyTable, Row
 
 OFF_AXIS = "unstable, error above this axis"
 DIVERGED = "unstable, diverged"
@@ -58,7 +54,7 @@ class Point(NamedTuple):
     mark: str | None
 
 
-def limits(table: Errors) -> tuple[float, float]:
+def limits(table: AccuracyTable) -> tuple[float, float]:
     """The ends of the error axis.
 
     A run that blew up does not stretch it, nor does a resolution far below all errors.
@@ -77,12 +73,12 @@ def limits(table: Errors) -> tuple[float, float]:
     return lowest / 10.0, 10.0 * max(stable, default=10.0 * lowest)
 
 
-def points(table: Errors, stepper: str) -> list[Point]:
+def points(table: AccuracyTable, stepper: str) -> list[Point]:
     """The runs of a stepper, each with its mark and inside the axis."""
     low, high = limits(table)
     reasons = _reasons(table)
 
-    def point(row: Row | FileRow) -> Point:
+    def point(row: Row) -> Point:
         reason = reasons.get((stepper, row.dt))
         if row.status != "ok":
             return Point(row.dt, high, UNSOLVED if row.status == "unsolved" else DIVERGED)
@@ -95,7 +91,7 @@ def points(table: Errors, stepper: str) -> list[Point]:
     return [point(row) for row in table.rows if row.stepper == stepper]
 
 
-def _reasons(table: Errors) -> dict[tuple[str, float], str]:
+def _reasons(table: AccuracyTable) -> dict[tuple[str, float], str]:
     """Why a run was left out, by stepper and step size."""
     return {
         (each.stepper, point.dt): point.reason
