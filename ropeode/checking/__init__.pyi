@@ -10,7 +10,6 @@ from .check_ropes import generic as generic
 from .check_ropes import undamped as undamped
 from .checks import CHECKS as CHECKS
 from .checks import SLOW as SLOW
-from .claims import checked_claims as checked_claims
 from .convergence import convergence_finding as convergence_finding
 from .convergence import converging as converging
 from .convergence import falls_too_slowly as falls_too_slowly

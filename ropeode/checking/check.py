@@ -11,7 +11,6 @@ from typing import Any
 from ropeode.checking.check_context import Examination, own_claims, references_ahead
 from ropeode.checking.check_ropes import convergence_problems, undamped
 from ropeode.checking.checks import CHECKS, SLOW
-from ropeode.checking.claims import checked_claims
 from ropeode.checking.report import EDGE_CASES, CheckReport, Claims, Diagnosis, Finding
 from ropeode.checking.time_limit import OutOfTime, kept_output, within
 from ropeode.errors import InputError, UserCodeError
@@ -92,9 +91,7 @@ def check_stepper(
         >>> print(report.failed[0].line)
         positions order 1...; velocities order 1...; expected 2
     """
-    claims = checked_claims(
-        Claims(expected_order, method, symplectic, reversible, conserves_energy, damped_order)
-    )
+    claims = Claims(expected_order, method, symplectic, reversible, conserves_energy, damped_order)
     names = chosen_checks(only, skip, quick)
     limit = check_positive("time_limit", time_limit, example="60")
     started = time.perf_counter()

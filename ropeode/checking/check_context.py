@@ -202,7 +202,7 @@ def own_claims(stepper: Stepper) -> Claims:
     """What a stepper declares of itself: a class all its facts, others their order."""
     if _declares_facts(stepper):
         return Claims(method=stepper.label)
-    return Claims(order=stepper.order(ProblemClass()))
+    return Claims(order=stepper.order(ProblemClass()) or None)
 
 
 def _declares_facts(stepper: Stepper) -> bool:

@@ -9,8 +9,9 @@ from typing import Any, ClassVar, Literal
 from ropeode.analysis import ObservedOrder
 from ropeode.display import Tabular
 from ropeode.json_form import json_shows
-from ropeode.steppers import ProblemClass
+from ropeode.steppers import ProblemClass, as_stepper
 from ropeode.theory import Diagnosis
+from ropeode.validation import bad_value, check_whole
 
 Status = Literal["pass", "fail", "undetermined", "note", "skip"]
 Verdict = Literal["right", "wrong", "undetermined"]
@@ -32,6 +33,10 @@ class Claims:
         reversible: whether a step back undoes a step forward, on problems without damping.
         conserves_energy: whether energy stays bounded in a long run without damping.
         damped_order: the order on problems with damping, if it is another one.
+
+    Raises:
+        InputError: an order is no whole number from 1 on, there is no such method, both are
+            given, or an order with damping is given alone.
     """
 
     order: int | None = None
@@ -40,6 +45,22 @@ class Claims:
     reversible: bool | None = None
     conserves_energy: bool | None = None
     damped_order: int | None = None
+
+    def __post_init__(self) -> None:
+        order, damped, method = self.order, self.damped_order, self.method
+        if order is not None:
+            order = check_whole("expected_order", order, at_least=1, example="2")
+        if damped is not None:
+            damped = check_whole("damped_order", damped, at_least=1, example="1")
+            if order is None:
+                allowed = "one beside an order"
+                raise bad_value("damped_order", damped, allowed, "claim that order, too")
+        if order is not None and method is not None:
+            allowed = "none beside a method, which has its own"
+            raise bad_value("expected_order", order, allowed, "drop one")
+        method = None if method is None else as_stepper(method).label
+        for name, value in (("order", order), ("damped_order", damped), ("method", method)):
+            object.__setattr__(self, name, value)
 
     def order_on(self, kind: ProblemClass) -> int | None:
         """The order that is claimed on problems of a class; None if none is."""

@@ -11,7 +11,6 @@ import click
 
 from ropeode.checking import (
     Claims,
-    checked_claims,
     chosen_checks,
     convergence_problems,
     reference_of,
@@ -115,7 +114,7 @@ def grade_class(
     _check_output(folder, form, out)
     items = read_rubric(rubric, OF_FILES)
     submissions = trajectory_submissions(folder, without=out)
-    job, claims = TableJob(values, spec_folder), checked_claims(claims)
+    job = TableJob(values, spec_folder)
     if claims.method is not None:
         as_stepper(claims.method).require(job.problem)
     options = ReferenceOptions(**job.spec.asked)

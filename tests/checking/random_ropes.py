@@ -18,7 +18,6 @@ from ropeode.checking import (
     Examination,
     Finding,
     check_rope,
-    checked_claims,
     reference_of,
 )
 from ropeode.errors import ReferenceRefused
@@ -161,7 +160,7 @@ def tried_once(name: str) -> tuple[Method, Claims | None]:
     """What `check_stepper` makes of a right stepper; compiled once for all ropes."""
     given, said = RIGHT[name]
     names = {"order" if name == "expected_order" else name: it for name, it in said.items()}
-    claims = checked_claims(Claims(**names))
+    claims = Claims(**names)
     return method_of(given, check_ropes.undamped()), claims if said else None
 
 

@@ -218,7 +218,7 @@ class _Run:
         self._motion = motion or math.nan
         rounding = last_digit(self.positions)
         self.same = max(_SAME, _OF_ROUNDING * rounding / self._motion)
-        self._from_right: dict[Method, float] = {}
+        self._right: dict[Method, np.ndarray] = {}
 
     @property
     def usable(self) -> bool:
@@ -251,12 +251,12 @@ class _Run:
         apart = (motion - self.positions[1 : motion.shape[1] + 1]) / self._motion
         return np.nan_to_num(apart.reshape(len(motion), -1), nan=np.inf)
 
-    def from_right(self, method: Method) -> float:
-        """How far the right program of a method is from the positions."""
-        if method not in self._from_right:
-            apart = self.misfits(self.motion(method, right_terms(1), self.by_number()))
-            self._from_right[method] = float(np.max(np.abs(apart)))
-        return self._from_right[method]
+    def from_right(self, method: Method) -> np.ndarray:
+        """The misfits of the right program of a method."""
+        if method not in self._right:
+            motion = self.motion(method, right_terms(1), self.by_number())
+            self._right[method] = self.misfits(motion)
+        return self._right[method]
 
     def motion(
         self,
@@ -428,14 +428,13 @@ def programs_of(
     known = sorted((run for run in known if run.usable), key=lambda run: -run.dt)
     in_all = np.cumsum([np.sum(run.by_number()) for run in known])
     known = known[: max(int(np.sum(in_all <= _MOST_IN_ALL)), _FEWEST_RUNS)]
-    if not known:
+    precise = [run for run in known if run.same <= _SAME]
+    of_pairs = precise if precise and precise[0].by_number()[0] <= _MOST_STEPS_OF_PAIRS else []
+    if not (known if changes == 1 else of_pairs):
         return ()
     # A number is found in a frame, and another one shows that it is right.
     longer = [run for run in known if run.frames >= _FEWEST_FRAMES]
     longer = longer if len(longer) >= _FEWEST_RUNS else []
-    precise = [run for run in known if run.same <= _SAME]
-    few = [run for run in precise[:1] if run.by_number()[0] <= _MOST_STEPS_OF_PAIRS]
-    of_pairs = precise if few else []
     right, changed = [_RIGHT], [_RIGHT]
     every = known_mistakes(problem.args) if rope else []
     single = [_Guess((), mistakes=(each,)) for each in every]
@@ -459,7 +458,7 @@ def programs_of(
     mistaken = MISTAKEN if kind == "springs" else ()
     searches: dict[int, Sequence[tuple[tuple[Method, ...], Callable[[Method], list[Program]]]]] = {
         1: (
-            (methods, lambda method: _programs(method, right, longer, _Run.by_number)),
+            (close, lambda method: _programs(method, right, longer, _Run.by_number)),
             (methods, lambda method: _programs(method, right, longer, _Run.added_up)),
             (mistaken, lambda method: _programs(method, right, known, _Run.by_number)),
             (cheap, lambda method: _programs(method, mistakes, known, _Run.by_number)),
@@ -490,7 +489,7 @@ def programs_of(
 
 def _close(methods: Sequence[Method], run: _Run) -> tuple[Method, ...]:
     """The methods that a run may have, where some are far closer to it than others."""
-    apart = [run.from_right(method) for method in methods]
+    apart = [np.max(np.abs(run.from_right(method))) for method in methods]
     most = _CLOSER * max(min(apart), run.same)
     return tuple(method for method, far in zip(methods, apart, strict=True) if far <= most)
 
@@ -617,7 +616,7 @@ def _with_two_changes(
     ]
     if not short:
         return []
-    apart = [run.from_right(method) for run in short]
+    apart = [np.max(np.abs(run.from_right(method))) for run in short]
     # Where the right program grows without bound, no step leads from it to another one.
     base = next(run for run, far in zip(short, apart, strict=True) if far <= _GROWN * min(apart))
     runs = [base, *(run for run in runs if run is not base)]
@@ -633,12 +632,10 @@ def _in_single(method: Method, runs: Sequence[_Run]) -> list[Program]:
     """
     if not runs:
         return []
-    right, left = right_terms(1), []
+    left = []
     for run in runs:
-        double, single = (
-            run.misfits(run.motion(method, right, run.by_number(), single=of_single))
-            for of_single in (False, True)
-        )
+        double = run.from_right(method)
+        single = run.misfits(run.motion(method, right_terms(1), run.by_number(), single=True))
         left.append(float(np.max(np.abs(double))))
         rounding = float(np.max(np.abs(single - double)))
         # Without springs there are no lengths to round.
