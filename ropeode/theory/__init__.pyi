@@ -31,7 +31,6 @@ from .recognised_methods import recognised as recognised
 from .rope_terms import is_rope as is_rope
 from .solved_equation import SOLVES_ANOTHER as SOLVES_ANOTHER
 from .solved_equation import diagnose_equation as diagnose_equation
-from .solved_equation import where_off as where_off
 from .spectrum import SpectralLimit as SpectralLimit
 from .spectrum import Spectrum as Spectrum
 from .spectrum import derivative_of_rhs as derivative_of_rhs
@@ -53,3 +52,4 @@ from .structure import Property as Property
 from .structure import structure_of as structure_of
 from .tableau_of_step import StepTableau as StepTableau
 from .tableau_of_step import tableau_of as tableau_of
+from .where_off import where_off as where_off

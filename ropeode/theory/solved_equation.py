@@ -27,7 +27,8 @@ from ropeode.theory.rope_terms import (
 )
 from ropeode.theory.step_at_zero import position_faults
 from ropeode.theory.term_factors import Factor, mistakes_in
-from ropeode.theory.terms import TERMS, along_axes, by_power, mass
+from ropeode.theory.terms import TERMS, by_power, mass
+from ropeode.theory.where_off import where_off
 from ropeode.validation import listed
 
 # How the sentence of a diagnosis begins.
@@ -60,8 +61,6 @@ _MADE_BY = {
 # How closely what a term changes grows with the square of dt; what is nothing beside it.
 _SQUARED, _TINY = 0.1, 1e-300
 _ONCE = "multiply each force by dt once: v_new = v + dt * a"
-# How many states must be on each side of a threshold.
-_SOME = 3
 
 
 def diagnose_equation(
@@ -392,82 +391,14 @@ def _pins(expansions: Sequence[Expansion], words: str, half: int) -> list[Fault]
     return [Fault(words, remedy=_PINS)] if off > _EXPLAINED * size else []
 
 
-def _free_nodes(expansions: Sequence[Expansion]) -> list[tuple[Expansion, int]]:
-    return [
-        (each, int(node)) for each in expansions for node in np.flatnonzero(each.problem.args.free)
-    ]
-
-
 def _unexplained(expansions: Sequence[Expansion], size: float, evidence: dict) -> Fault:
     """Where the acceleration is off, if nobody knows why."""
-    off = [
-        (node, float(np.max(np.abs(each.rate(0).value[:, 1, node]))))
-        for each, node in _free_nodes(expansions)
-    ]
-    evidence["difference"] = max(value for _, value in off) / size
-    evidence["nodes"] = sorted({node for node, value in off if value > _EXPLAINED * size})
+    off = [np.abs(each.rate(0).value[:, 1]) for each in expansions]
+    free = [each[:, e.problem.args.free > 0.0] for each, e in zip(off, expansions, strict=True)]
+    evidence["difference"] = max(map(np.max, free)) / size
     return Fault(
         f"the acceleration is off by up to {evidence['difference']:.2g} of its size"
-        f"{where_off(expansions, 0, 1, _EXPLAINED * size)}, and by no combination of factors on "
+        f"{where_off(expansions, off, _EXPLAINED * size)}, and by no combination of factors on "
         "the rope's own terms",
         named=False,
     )
-
-
-def where_off(expansions: Sequence[Expansion], order: int, half: int, least: float) -> str:
-    """In words, at which free nodes, along which axes or beyond what a term of the error is large.
-
-    The words are empty where it is so everywhere, or at pinned nodes alone.
-
-    Arguments:
-        expansions: of the step.
-        order: of the term.
-        half: 0 for positions, 1 for velocities.
-        least: what is large.
-    """
-    free = _free_nodes(expansions)
-    sizes = [np.abs(each.rate(order).value[:, half, node]) for each, node in free]
-    off = [np.max(size, axis=1) > least for size in sizes]
-    nodes = sorted({node for (_, node), there in zip(free, off, strict=True) if np.any(there)})
-    everywhere = nodes in ([], sorted({node for _, node in free}))
-    at_nodes = "" if everywhere else f", at node {listed(nodes)} alone"
-    # Beyond a threshold some states of a node are off, and others are not.
-    if at_nodes and all(np.all(there) for there in off if np.any(there)):
-        return at_nodes
-    if words := _only_where(free, np.concatenate(off)) or at_nodes:
-        return words
-    return along_axes(np.max(np.concatenate(sizes), axis=0) > least)
-
-
-def _only_where(free: Sequence[tuple[Expansion, int]], there: np.ndarray) -> str:
-    """In words, beyond which threshold nodes are off, if one number tells them from the others.
-
-    Arguments:
-        free: an expansion and a node, in turn.
-        there: whether it is off, at all states of these, one after the other.
-    """
-    numbers: dict[str, list[np.ndarray]] = {}
-    for each, node in free:
-        x, v = each.y[:, 0, node], each.y[:, 1, node]
-        a = each.slopes[:, 1, node]
-        force = each.problem.args.mass[node] * a
-        own = {
-            **{f"the node's {axis}": x[:, i] for i, axis in enumerate("xyz"[: x.shape[1]])},
-            "the node's speed": np.linalg.norm(v, axis=1),
-            "the force on the node": np.linalg.norm(force, axis=1),
-            "a component of the force on the node": np.max(np.abs(force), axis=1),
-            "a component of the node's acceleration": np.max(np.abs(a), axis=1),
-            "t": each.t,
-        }
-        for name, values in own.items():
-            numbers.setdefault(name, []).append(values)
-    if not _SOME <= np.sum(there) <= len(there) - _SOME:
-        return ""
-    for name, parts in numbers.items():
-        values = np.concatenate(parts)
-        here, elsewhere = values[there], values[~there]
-        for side, low, high in (("below", here, elsewhere), ("above", elsewhere, here)):
-            if np.max(low) < np.min(high):
-                between = f"between {np.max(low):.3g} and {np.min(high):.3g}"
-                return f", only where {name} is {side} a number {between}"
-    return ""

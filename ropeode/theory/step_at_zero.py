@@ -10,16 +10,16 @@ import numpy as np
 from ropeode.theory.diagnosis import Diagnosis, Fault
 from ropeode.theory.expansion import Expansion
 from ropeode.theory.projection import projected
-from ropeode.theory.terms import TERMS, along_axes
+from ropeode.theory.terms import TERMS
+from ropeode.theory.where_off import where_off
 
 # What may be left over, as a part of the state, and how close two numbers must be.
 _EXPLAINED, _CLOSE = 1e-6, 1e-6
 # In units of its estimated error, what a term may be that is zero.
 _UNCERTAIN = 10.0
-# How many numbers must be at a limit.
-_SOME = 3
-# The shortest step, as a part of the longest, and by how much of its size it may move a state.
-_SHORTEST, _MOVES = 2.0**-14, 2e-3
+# The shortest step, as a part of the longest; by how much of its size it may move a state, and what
+# it may add beside that.
+_SHORTEST, _MOVES, _BESIDE = 2.0**-14, 2e-3, 2e-4
 _UNCHANGED = "x_new = x + dt * (...), v_new = v + dt * (...): both must be as they were if dt is 0"
 _POSITIONS = "x_new = x + dt * v + dt**2 / 2 * a"
 _NO_LIMIT = "so the runs have no limit as dt goes to 0"
@@ -88,15 +88,14 @@ def diagnose_identity(expansions: Sequence[Expansion]) -> Diagnosis | None:
     errors = np.max([np.max(change.error, axis=1) for _, change in terms], axis=0)
     of_x, of_v = (_shares(found, half, _UNCERTAIN * errors[half]) for half in (0, 1))
     if of_x is None or of_v is None:
-        named = _limited(expansions)
-        if not named and np.max(np.abs(change[:, 0])) <= _EXPLAINED * size:
-            named = _mixed(found, 1, "velocities are mixed")
+        still = np.max(np.abs(change[:, 0])) <= _EXPLAINED * size
         line = "at dt = 0 the step changes the state"
-        if named:
-            line += f": {named}"
+        if mixed := still and _mixed(found, 1, "velocities are mixed"):
+            line += f": {mixed}"
         else:
-            changed = np.max(np.abs(change), axis=(0, 1, 2)) > _EXPLAINED * size
-            line += f" by up to {evidence['size']:.2g} of its size{along_axes(changed)}"
+            off = [np.max(np.abs(_beside_motion(each)), axis=1) for each in expansions]
+            where = where_off(expansions, off, _BESIDE * size)
+            line += f" by up to {evidence['size']:.2g} of its size{where}"
         return Diagnosis("identity", f"{line}, {_NO_LIMIT}", evidence, _UNCHANGED)
     parts = np.stack([of_x, of_v]) + np.eye(2, 3)[:, :, None]
     evidence |= dict(zip(_QUANTITIES, map(_means, parts), strict=True))
@@ -210,47 +209,10 @@ def _shortest(expansion: Expansion) -> np.ndarray:
     return expansion.samples.after(expansion.t, expansion.y, dt, 1)[:, 0, 1]
 
 
-def _limited(expansions: Sequence[Expansion]) -> str | None:
-    """Which number all that changes is set to, if it is one: a limit, a floor, rest."""
-    before, after = (
-        np.concatenate([states[:, :, each.problem.args.free > 0.0] for each, states in pairs])
-        for pairs in (
-            [(each, each.y) for each in expansions],
-            [(each, _shortest(each)) for each in expansions],
-        )
-    )
-    near = _MOVES * float(np.max(np.abs(before)))
-    moved = np.abs(after - before) > near
-    speeds = [np.linalg.norm(states[:, 1], axis=-1) for states in (before, after)]
-    limited = {
-        **{
-            f"{axis} of the nodes": (before[:, 0, :, i], after[:, 0, :, i], moved[:, 0, :, i])
-            for i, axis in enumerate("xyz"[: before.shape[3]])
-        },
-        "each component of the velocity": (
-            *(np.abs(states[:, 1]) for states in (before, after)),
-            moved[:, 1],
-        ),
-        "the speed": (*speeds, np.abs(speeds[1] - speeds[0]) > near),
-    }
-    texts = []
-    for name, (old, new, changed) in limited.items():
-        if np.sum(changed) < _SOME or np.all(changed):
-            continue
-        value = float(np.median(new[changed]))
-        rest = old[~changed]
-        if np.max(np.abs(new[changed] - value)) > near:
-            continue
-        if np.all(old[changed] > value) and np.all(rest <= value + 2.0 * near):
-            texts.append(f"{name} is at most {value:.3g}")
-        elif np.all(old[changed] < value) and np.all(rest >= value - 2.0 * near):
-            texts.append(f"{name} is at least {value:.3g}")
-    if not texts:
-        return None
-    # A speed is limited as well where each component is.
-    return " and ".join(
-        texts[:-1] if len(texts) > 1 and texts[-1].startswith("the speed") else texts
-    )
+def _beside_motion(expansion: Expansion) -> np.ndarray:
+    """What the shortest step adds to the states beside their motion, ``(states, *state)``."""
+    dt = expansion.ladder.reshape(-1, 1, 1, 1) * _SHORTEST
+    return _shortest(expansion) - expansion.y - dt * expansion.slopes
 
 
 def _puts_to_rest_lengths(expansions: Sequence[Expansion]) -> bool:

@@ -58,34 +58,22 @@ def diagnose_single_precision(probe: Probe) -> Diagnosis | None:
 
 def _jumps_at_midpoints(probe: Probe, dt: np.ndarray) -> dict[str, float]:
     """The jumps that rounding makes, by what is rounded, as parts of the state's size."""
-    size, found = float(np.max(np.abs(probe.y))), {}
+    problem, size = probe.problem, float(np.max(np.abs(probe.y)))
     own = {"dt": dt, "t": probe.t, "positions": probe.y[:, 0], "velocities": probe.y[:, 1]}
-
-    def cases(name: str, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        each = {**own, name: values}
-        return each["t"], np.stack([each[half] for half in _STATE], axis=1), each["dt"]
-
-    every = [cases(name, at) for name, values in own.items() for at in _around(values)]
-    t, y, sizes = (np.concatenate(parts) for parts in zip(*every, strict=True))
-    after = probe.after(t, y, sizes)
-    for name, results in zip(own, after.reshape(len(own), 4, *probe.y.shape), strict=True):
-        if jump := _jump(results, size):
-            found[name] = jump
-    args = probe.problem.args
-    names = [name for name in args._fields if name != "free" and np.any(getattr(args, name))]
-
-    def of_parameters(names: list[str]) -> float:
-        around = zip(*(_around(getattr(args, name)) for name in names), strict=True)
-        ropes = [args._replace(**dict(zip(names, each, strict=True))) for each in around]
-        results = [
-            probe.after(probe.t, probe.y, dt, probe.problem.changed(args=rope)) for rope in ropes
-        ]
-        return _jump(np.stack(results), size)
-
-    # Each alone only where there is something to find.
-    if of_parameters(names):
-        found |= {name: jump for name in names if (jump := of_parameters([name]))}
-    return found
+    own |= {name: value for name, value in problem.args._asdict().items() if np.any(value)}
+    found = {}
+    for name in own.keys() - {"free"}:
+        results = []
+        for values in _around(own[name]):
+            each = {**own, name: values}
+            args = problem.args._replace(**{n: each[n] for n in problem.args._fields if n in own})
+            y = np.stack([each[half] for half in _STATE], axis=1)
+            results.append(probe.after(each["t"], y, each["dt"], problem.changed(args=args)))
+        smooth, jump = (float(np.max(np.abs(results[i + 1] - results[i]))) for i in (0, 2))
+        # It must not be as smooth there as elsewhere.
+        if jump > max(_JUMP * smooth, _LEAST_JUMP * size):
+            found[name] = jump / size
+    return {name: found[name] for name in own if name in found}
 
 
 def _around(values: np.ndarray) -> list[np.ndarray]:
@@ -96,12 +84,6 @@ def _around(values: np.ndarray) -> list[np.ndarray]:
     return [
         at * (1.0 + side * _NEAR) for at in (exact, (exact + following) / 2.0) for side in (-1, 1)
     ]
-
-
-def _jump(results: np.ndarray, size: float) -> float:
-    """The jump in the middle, as a part of the size; 0 if it is as smooth there as elsewhere."""
-    smooth, jump = (float(np.max(np.abs(results[i + 1] - results[i]))) for i in (0, 2))
-    return jump / size if jump > max(_JUMP * smooth, _LEAST_JUMP * size) else 0.0
 
 
 def _inside(probe: Probe, dt: float) -> Diagnosis | None:

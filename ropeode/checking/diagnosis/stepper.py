@@ -290,8 +290,8 @@ def _order_alone(found: Sequence[Expansion], order: int | None, expected: int) -
     orders = f"order {x}" if x == v else f"order {x} in positions and {v} in velocities"
     if order < expected:
         half = 0 if x == order else 1
-        largest = max(float(np.max(np.abs(each.rate(order).value[:, half]))) for each in found)
-        where = where_off(found, order, half, _NONE * largest)
+        sizes = [np.abs(each.rate(order).value[:, half]) for each in found]
+        where = where_off(found, sizes, _NONE * max(map(np.max, sizes)))
         return Diagnosis(
             "order",
             f"the step solves the right equation, with local {orders}"
