@@ -52,4 +52,4 @@ from .structure import Property as Property
 from .structure import structure_of as structure_of
 from .tableau_of_step import StepTableau as StepTableau
 from .tableau_of_step import tableau_of as tableau_of
-from .where_off import where_off as where_off
+from .whereabouts import where_off as where_off

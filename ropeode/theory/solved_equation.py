@@ -28,7 +28,7 @@ from ropeode.theory.rope_terms import (
 from ropeode.theory.step_at_zero import position_faults
 from ropeode.theory.term_factors import Factor, mistakes_in
 from ropeode.theory.terms import TERMS, by_power, mass
-from ropeode.theory.where_off import where_off
+from ropeode.theory.whereabouts import where_off
 from ropeode.validation import listed
 
 # How the sentence of a diagnosis begins.

@@ -11,7 +11,7 @@ from ropeode.theory.diagnosis import Diagnosis, Fault
 from ropeode.theory.expansion import Expansion
 from ropeode.theory.projection import projected
 from ropeode.theory.terms import TERMS
-from ropeode.theory.where_off import where_off
+from ropeode.theory.whereabouts import where_off
 
 # What may be left over, as a part of the state, and how close two numbers must be.
 _EXPLAINED, _CLOSE = 1e-6, 1e-6

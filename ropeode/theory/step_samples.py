@@ -15,7 +15,14 @@ from jax.scipy.sparse.linalg import cg
 
 from ropeode.precision import in_float64
 from ropeode.problems import Mechanics, Problem, PythonRhs, Rhs, for_each_state
-from ropeode.simulation import Method, PythonStepper, on_stored_states, on_user_clock, one_at_a_time
+from ropeode.simulation import (
+    Method,
+    PythonStepper,
+    flattened,
+    on_stored_states,
+    on_user_clock,
+    one_at_a_time,
+)
 from ropeode.steppers import BuiltIn, Stepper
 
 # A compiled program takes so many cases at once, of slopes and of steps, which may each solve
@@ -161,39 +168,22 @@ def _settled_in_jax(state: Callable[[Any], Any], carried: Any, y: Any, weight: A
 
 def _settled_in_python(state: Callable[[Any], Any], carried: Any, y: np.ndarray) -> Any:
     """As `_settled_in_jax`, with difference quotients."""
-    leaves, structure = jax.tree.flatten(carried)
-    arrays = [np.asarray(leaf) for leaf in leaves]
-    own = [i for i, leaf in enumerate(arrays) if np.issubdtype(leaf.dtype, np.floating)]
-    if not own:
-        return carried
-    ends = np.cumsum([arrays[i].size for i in own])
-
-    def whole(flat: np.ndarray) -> Any:
-        parts = np.split(flat, ends[:-1])
-        changed = {i: part.reshape(arrays[i].shape) for i, part in zip(own, parts, strict=True)}
-        return jax.tree.unflatten(
-            structure, [changed.get(i, leaf) for i, leaf in enumerate(leaves)]
-        )
+    flat, unravel = flattened(carried)
 
     def away(flat: np.ndarray) -> np.ndarray:
-        return np.ravel(np.asarray(state(whole(flat))) - y)
+        return np.ravel(np.asarray(state(unravel(flat))) - y)
 
-    flat = np.concatenate([arrays[i].ravel() for i in own]).astype(float)
-    rest, nudge = away(flat), _NUDGE * max(float(np.max(np.abs(flat))), float(np.max(np.abs(y))))
+    rest, nudge = away(flat), _NUDGE * float(np.max(np.abs([*flat, *y.ravel()])))
     if not rest.any() or not nudge:
         return carried
     slopes = np.stack(
         [(away(flat + nudge * unit) - rest) / nudge for unit in np.eye(flat.size)], axis=1
     )
+    # Rows of one size: velocities may be differences of positions over dt.
+    size = np.maximum(np.linalg.norm(slopes, axis=1), np.finfo(float).tiny)
     for _ in range(_CORRECTIONS):
-        rows, scaled = _rows_of_one_size(np, slopes, away(flat))
-        flat = flat - np.linalg.lstsq(rows, scaled, rcond=None)[0]
-    return whole(flat)
-
-
-def _rows_of_one_size(xp: Any, rows: Any, rest: Any) -> tuple[Any, Any]:
-    size = xp.maximum(xp.linalg.norm(rows, axis=1), np.finfo(float).tiny)
-    return rows / size[:, None], rest / size
+        flat = flat - np.linalg.lstsq(slopes / size[:, None], away(flat) / size)[0]
+    return unravel(flat)
 
 
 def rates_of(problem: Problem, args: Any = None) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
