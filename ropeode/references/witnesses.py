@@ -31,6 +31,8 @@ _MOST_SHORT_STEPS, _FEWEST_SHORT_STEPS_PER_FRAME = 100_000, 4
 # Ten thousand take two seconds.
 _MOST_STEPS_IN_PYTHON = 10_000
 _FEWEST_SHORT_STEPS = 1000
+_EPS = float(np.finfo(np.float64).eps)
+_MOVES_OF_ZEROS = (_EPS, _EPS**2)
 # Of the two runs with moved roundings. See `solvers.rounding` for why these two.
 _ROUNDING_SEEDS = (1, 2)
 _LOOSEST_ROUNDING = 1e-9
@@ -63,7 +65,7 @@ def short_steps(problem: Problem, ts: np.ndarray) -> np.ndarray:
     return np.diff(problem.ts)[frame] / parts
 
 
-def neighbour(problem: Problem, states: np.ndarray) -> np.ndarray:
+def neighbour(problem: Problem, states: np.ndarray, zeros: float = _EPS) -> np.ndarray:
     """The initial state with each component moved by one unit of rounding, up or down.
 
     Zeros move up, because a solution that is not unique, or an unstable balance, would otherwise
@@ -73,6 +75,7 @@ def neighbour(problem: Problem, states: np.ndarray) -> np.ndarray:
     Arguments:
         problem: what is solved.
         states: its solution, ``(times, *y0.shape)``.
+        zeros: how far zeros move, in those sizes.
     """
     y0 = problem.y0
     up = np.random.default_rng(1).integers(0, 2, size=y0.shape).astype(bool)
@@ -81,7 +84,7 @@ def neighbour(problem: Problem, states: np.ndarray) -> np.ndarray:
     if problem.mechanics is not None and not np.all(y0):
         sizes = np.max(np.abs(states), axis=(0, *range(2, states.ndim)), keepdims=True)[0]
         sizes = np.where(free_coordinates(problem), np.where(sizes > 0, sizes, problem.scale), 0.0)
-    return np.where(y0 == 0.0, np.finfo(np.float64).eps * sizes, moved)
+    return np.where(y0 == 0.0, zeros * sizes, moved)
 
 
 def other_runs(
@@ -98,8 +101,9 @@ def other_runs(
     most, longest = 4 * primary.steps + 1000, short_steps(problem, solved.ts)
     short = most + 4 * math.ceil(np.sum(np.diff(solved.ts) / longest))
     limit = independent_steps(primary)
+    starts = [neighbour(solved, primary.states, zeros) for zeros in _MOVES_OF_ZEROS]
     return [
-        ("neighbour", {"y0": neighbour(solved, primary.states), "max_steps": most}),
+        ("neighbour", {"y0": starts, "max_steps": most}),
         ("short steps", {"longest_steps": longest, "max_steps": short}),
         *(("rounding", {"rounding_seed": seed, "max_steps": limit}) for seed in _ROUNDING_SEEDS),
     ]
@@ -113,8 +117,17 @@ def solve_other(
     options: dict[str, Any],
     budget: Budget,
 ) -> Solution:
-    """One of `other_runs`. What rounding keeps from its end gets there at a looser tolerance."""
-    run = solve_primary(problem, method, rtol, budget, **options)
+    """One of `other_runs`. What rounding keeps from its end gets there at a looser tolerance.
+
+    Nor has every neighbour a solution: where the equation divides by the time, a velocity must
+    begin at zero. A neighbour that takes no step at all moves zeros less. One that spends its steps
+    later does not: it may have left an unstable balance.
+    """
+    starts = options.pop("y0", [problem.y0])
+    run = solve_primary(problem, method, rtol, budget, y0=starts[0], **options)
+    for y0 in starts[1:]:
+        if run.reached <= problem.ts[0]:
+            run = solve_primary(problem, method, rtol, budget, y0=y0, **options)
     while role == "rounding" and run.failure and run.rtol < _LOOSEST_ROUNDING:
         run = solve_primary(problem, method, 100 * run.rtol, budget, **options)
     return run
@@ -298,7 +311,7 @@ def witness_runs(
             run = solve_closely(problem, method, independent, findings, budget)
         else:
             more = next(options.get(role, iter(())), {})
-            run = solve_primary(problem, method, witness.tolerance, budget, **more)
+            run = solve_other(problem, method, witness.tolerance, role, more, budget)
         if role == "tighter" and next_tighter is primary:
             next_tighter = run.without_states()
         if role == "independent":

@@ -189,6 +189,22 @@ def test_a_neighbour_moves_what_rests_but_nothing_that_is_held():
         np.testing.assert_allclose(half[moves], EPS64 * size, rtol=1e-3)
 
 
+def test_a_neighbour_moves_zeros_less_where_it_cannot_begin():
+    """The gas sphere of Lane and Emden for n = 5: it divides by the time, but not at the start."""
+
+    def rhs(t, y, args):
+        return jnp.array([y[1], jnp.where(t > 0, -(y[0] ** 5) - 2 * y[1] / t, -1 / 3)])
+
+    ts = np.linspace(0.0, 5.0, 11)
+    sphere = reference(Problem(rhs, [1.0, 0.0], ts))
+    assert sphere.trusted == len(ts)
+    assert np.all(np.abs(sphere.states[:, 0] - (1 + ts**2 / 3) ** -0.5) <= sphere.bound())
+    # One that leaves an unstable balance, and has too few steps for what follows, has begun.
+    upright = Problem(lambda t, y, args: jnp.stack([y[1], 1e6 * jnp.sin(y[0])]), [0.0, 0.0], ts)
+    with pytest.raises(ReferenceRefused, match="steps did not suffice"):
+        reference(upright)
+
+
 @pytest.mark.parametrize("rope", [{"pinned": (0, 1, 2, 3)}, {"gravity": (0, 0)}])
 def test_what_stands_still_has_a_reference(rope):
     known = reference(Rope(num_nodes=4, **rope).problem(frames=3))
