@@ -224,7 +224,7 @@ class _Causes:
         if several:
             if (departs := departure(reference, known)) is not None:
                 yield departs
-            written = explain(reference, known, self.files, coarse=wrong)
+            written = explain(lambda: reference, self.files, known, coarse=wrong)
             if written is not None and not written.like_another_problem:
                 yield written.diagnosis
             certified = functools.partial(reference_for, options=self.options)

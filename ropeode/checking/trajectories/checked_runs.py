@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -12,7 +13,6 @@ import numpy as np
 from ropeode.checking.trajectories.explanations import (
     explain,
     explain_start,
-    explain_times,
     times_complaint,
 )
 from ropeode.checking.trajectories.run_files import (
@@ -67,13 +67,10 @@ def checked_runs(
     try:
         runs = read_runs(files, problem, dts, progress, fewest=fewest)
     except InputError:
-        try:
-            explanation = explain_times(certified, asked)
-        except ReferenceRefused:
-            explanation = None
-        if explanation is None:
-            raise
-        raise InputError(times_complaint(explanation, asked)) from None
+        with contextlib.suppress(ReferenceRefused):
+            if (explanation := explain(certified, asked)) is not None:
+                raise InputError(times_complaint(explanation, asked)) from None
+        raise
     try:
         _check_initial_states(runs)
     except InputError:
@@ -94,15 +91,12 @@ def _why(
         return "it is right in single precision", "compute it in double precision"
     if (placed := _misplaced_nodes(runs)) is not None:
         return placed
-    try:
-        reference = certified()
-    except ReferenceRefused:
-        return explain_start(runs)
-    explanation = explain(reference, runs, files)
-    if explanation is not None:
-        return explanation.line, explanation.fix
-    late = late_samples(reference, runs)
-    return explain_start(runs) if late is None else (late.line, late.remedy)
+    with contextlib.suppress(ReferenceRefused):
+        if (explanation := explain(certified, files, runs)) is not None:
+            return explanation.line, explanation.fix
+        if (late := late_samples(certified(), runs)) is not None:
+            return late.line, late.remedy
+    return explain_start(runs)
 
 
 def _check_initial_states(runs: Sequence[Run], why: str = "", fix: str = _USUAL_FIX) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -46,19 +47,17 @@ def explain_columns(
             return None
         return _agreement(reference, undone, coarse=coarse)
 
-    states = reference.states[: reference.trusted]
     # A mirror through the initial positions is another problem rather than a mistake.
-    found = simplest(states, runs, agreement, shifts=not same_start)
-    moves = found is not None and same_start and _moves_positions(found.runs[-1], runs[-1])
-    if found is None and all(run.begins() for run in runs):
-        found = simplest(states, runs, agreement, after=1)
-    return found and dataclasses.replace(found, like_another_problem=moves)
-
-
-def _moves_positions(undone: Run, run: Run) -> bool:
-    """Whether positions are not where their columns say."""
-    dim = run.layout.dim
-    return not np.array_equal(undone.values[:, :, :dim], run.values[:, :, :dim])
+    hows: list[dict[str, Any]] = [{"shifts": not same_start}]
+    # The initial state may be written by other lines than the rest.
+    hows += [{"after": 1}] if all(run.begins() for run in runs) else []
+    for how in hows:
+        found = simplest(reference.states[: reference.trusted], runs, agreement, **how)
+        if found is not None:
+            there, meant = (run.parts_of(run.values)[0] for run in (runs[-1], found.runs[-1]))
+            moves = same_start and "after" not in how and not np.array_equal(there, meant)
+            return dataclasses.replace(found, like_another_problem=moves)
+    return None
 
 
 def explain_start(runs: Sequence[Run]) -> tuple[str, str] | None:
@@ -80,29 +79,13 @@ def explain_start(runs: Sequence[Run]) -> tuple[str, str] | None:
 
 
 def explain(
-    reference: Reference, runs: Sequence[Run], files: Files, *, coarse: bool = True
-) -> Explanation | None:
-    """A mistake in the columns of files, or else in their rows or times.
-
-    Arguments:
-        reference: of the problem.
-        runs: from coarse to fine.
-        files: of the runs.
-        coarse: whether runs without the mistake may be too coarse to show an order.
-    """
-    return explain_columns(reference, runs, coarse=coarse) or explain_times(
-        lambda: reference, files, runs, coarse=coarse
-    )
-
-
-def explain_times(
     certified: Callable[[], Reference],
     files: Files,
     as_written: Sequence[Run] = (),
     *,
     coarse: bool = True,
 ) -> Explanation | None:
-    """A mistake in the rows of files, or in their times, without which they agree with a reference.
+    """A mistake in the columns of files, or in their rows or times, without which they are right.
 
     Arguments:
         certified: makes the reference, if files can be read at all.
@@ -113,6 +96,8 @@ def explain_times(
     Raises:
         ReferenceRefused: no reference can be certified.
     """
+    if as_written and (found := explain_columns(certified(), as_written, coarse=coarse)):
+        return found
     try:
         opened, dts, _ = opened_files(*files)
         every = [(file.path, file.samples()) for file in opened]
