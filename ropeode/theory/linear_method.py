@@ -9,8 +9,8 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import functools
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterable
+from typing import Any, Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -45,77 +45,69 @@ class Rate(NamedTuple):
     real: Any
     imaginary: Any
 
+    def times(self, y: Any) -> Any:
+        """The product with it; pairs stand on the last axis."""
+        return self.real * y + self.imaginary * jnp.stack([-y[..., 1], y[..., 0]], axis=-1)
+
 
 class Spring(NamedTuple):
     """The numbers of ``x'' = -k x - rate x'`` with a complex k."""
 
-    real: Any
-    imaginary: Any
+    k: Rate
     rate: Any
 
 
-@functools.cache
-def _first_order() -> Problem:
-    """``y' = lambda y``; its state is ``(2,)``, its frame 1."""
-    return Problem(
-        _decay, np.array([1.0, 0.5]), np.arange(2.0), Rate(-1.0, 1.0), name="y' = lambda y"
-    )
+@dataclasses.dataclass(frozen=True, eq=False)
+class LinearEquation:
+    """A linear equation on which stability is judged, with complex numbers.
+
+    Arguments:
+        name: in words.
+        make: makes the problem; its frame is 1.
+        modes: from modes ``exp(z t)``, ``exp(other t)`` to real numbers, one row for each pair.
+        args: from such numbers to the problem's `args`.
+        powers: by which power of dt each of the numbers, and behind them each number of a state,
+            has to be multiplied for the same motion.
+    """
+
+    name: Literal["y' = lambda y", "x'' = -omega^2 x - 2 gamma x'"]
+    make: Callable[[], Problem]
+    modes: Callable[[np.ndarray, np.ndarray], np.ndarray]
+    args: Callable[..., Rate | Spring]
+    powers: tuple[int, ...]
+
+    @functools.cached_property
+    def problem(self) -> Problem:
+        """With some `args`."""
+        return self.make()
 
 
-@functools.cache
-def _second_order() -> Problem:
-    """``x'' = -k x - rate x'``; its positions are one node of two components, its frame 1."""
-    return Problem.second_order(
-        _pull,
+FIRST_ORDER = LinearEquation(
+    "y' = lambda y",
+    lambda: Problem(
+        lambda t, y, args: args.times(y), np.array([1.0, 0.5]), np.arange(2.0), Rate(-1.0, 1.0)
+    ),
+    lambda z, other: np.stack([np.real(z), np.imag(z)], axis=-1),
+    Rate,
+    (-1, -1, 0, 0),
+)
+# Its positions are one node of two components, of mass 1.
+OSCILLATOR = LinearEquation(
+    "x'' = -omega^2 x - 2 gamma x'",
+    lambda: Problem.second_order(
+        lambda t, x, v, args: -args.k.times(x) - args.rate * v,
         [[1.0, 0.5]],
         [[0.0, 0.0]],
         [0.0, 1.0],
-        Spring(1.0, 0.0, 0.0),
-        damping=_damping,
-        name="x'' = -k x - rate x'",
-    )
-
-
-def _turned(real: Any, imaginary: Any, y: Any) -> Any:
-    """The product with a complex number; pairs stand on the last axis."""
-    return real * y + imaginary * jnp.stack([-y[..., 1], y[..., 0]], axis=-1)
-
-
-def _decay(t: Any, y: Any, args: Rate) -> Any:
-    del t
-    return _turned(args.real, args.imaginary, y)
-
-
-def _pull(t: Any, x: Any, v: Any, args: Spring) -> Any:
-    del t
-    return -_turned(args.real, args.imaginary, x) - args.rate * v
-
-
-def _damping(args: Spring) -> LinearDamping:
-    # The mass is 1.
-    return LinearDamping(args.rate, args.rate)
-
-
-_EQUATIONS: dict[Any, Callable[[], Problem]] = {Rate: _first_order, Spring: _second_order}
-
-
-def rates(z: np.ndarray) -> np.ndarray:
-    """The `args` of ``y' = z y``, one row for each, ``(numbers, 2)``."""
-    z = np.asarray(z, dtype=complex)
-    return np.stack([np.real(z), np.imag(z)], axis=-1)
-
-
-def springs(z: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """The `args` of the spring whose motions are ``exp(z t)`` and ``exp(other t)``.
-
-    Arguments:
-        z, other: the two roots, whose sum is real, ``(numbers,)``.
-
-    Returns:
-        One row for each pair, ``(numbers, 3)``.
-    """
-    k = np.asarray(z, dtype=complex) * other
-    return np.stack([np.real(k), np.imag(k), -np.real(z + np.asarray(other))], axis=-1)
+        Spring(Rate(1.0, 0.0), 0.0),
+        damping=lambda args: LinearDamping(args.rate, args.rate),
+    ),
+    lambda z, other: np.stack(
+        [np.real(z * other), np.imag(z * other), -np.real(z + other)], axis=-1
+    ),
+    lambda real, imaginary, rate: Spring(Rate(real, imaginary), rate),
+    (-2, -2, -1, 0, 0, -1, -1),
+)
 
 
 class _Memory(NamedTuple):
@@ -136,13 +128,13 @@ class LinearMethod:
     """A stepper on one of the test equations.
 
     Arguments:
-        kind: `Rate` or `Spring`.
+        equation: `FIRST_ORDER` or `OSCILLATOR`.
         method: that is ready to run.
     """
 
-    def __init__(self, kind: type[Rate] | type[Spring], method: Method):
-        self.kind, self.equation = kind, _EQUATIONS[kind]()
-        self.size = self.equation.y0.size
+    def __init__(self, equation: LinearEquation, method: Method):
+        self.equation, self.problem = equation, equation.problem
+        self.size = self.problem.y0.size
         self.is_one_step, self.is_together = True, False
         self._method = dataclasses.replace(method, stepper=method.stepper.on(None))
         self._beginning = 1
@@ -156,15 +148,14 @@ class LinearMethod:
         Returns:
             Whether all steps of a run are one linear map of what is carried, after the first ones.
         """
-        equation = self._problem(args[0])
-        every = np.ones(equation.y0.shape[-2:], dtype=bool)
-        begin = StepMap(equation, self._method).beginning(equation.y0, 1.0, every)
+        every = np.ones(self.problem.y0.shape[-2:], dtype=bool)
+        begin = self._map(args[0]).beginning(self.problem.y0, 1.0, every)
         if begin is None:
             return False
         self._beginning = max(1, begin)
         samples = self.powers(args)
         once = samples[:, 1]
-        if not self.is_compiled and self.kind is Spring:
+        if not self.is_compiled and self.equation is OSCILLATOR:
             with contextlib.suppress(Exception):
                 side_by_side = [self._together(args, unit) for unit in np.eye(self.size)]
                 self.is_together = _same(np.stack(side_by_side, axis=2), once)
@@ -197,7 +188,7 @@ class LinearMethod:
             return self._memory(args).step[:, self._kept][:, :, self._kept]
         units = np.eye(self.size)[::2]
         if self.is_compiled:
-            once, _ = _programs(self._method.stepper, self.kind)
+            once, _ = _programs(self._method.stepper, self.equation)
             found = in_batches(once, (args,), _CHUNK)
         elif self.is_together and len(args) > 1:
             found = np.stack([self._together(args, unit) for unit in units], axis=2)
@@ -222,12 +213,15 @@ class LinearMethod:
             steps: of each.
         """
         return self._samples(
-            self.kind(*row.tolist()), y.reshape(-1, *self.equation.y0.shape), t, dt, steps
+            row.tolist(), y.reshape(-1, *self.problem.y0.shape), t, dt, steps
         ).reshape(len(y), steps + 1, -1)
 
-    def _samples(self, args: Any, y: np.ndarray, t: float, dt: float, steps: int) -> np.ndarray:
+    def _samples(
+        self, numbers: Iterable, y: np.ndarray, t: float, dt: float, steps: int
+    ) -> np.ndarray:
         """``(runs, steps + 1, *state)``."""
-        samples = StepSamples(self.equation.changed(y0=y[0], args=args), self._method)
+        problem = self.problem.changed(y0=y[0], args=self.equation.args(*numbers))
+        samples = StepSamples(problem, self._method)
         every = np.full(len(y), t)
         return samples.after(every, y, np.full((len(y), 1), dt), steps)[:, 0]
 
@@ -235,57 +229,54 @@ class LinearMethod:
         """A step of many springs side by side, each a node, from one state: ``(cases, size)``."""
         rows = np.pad(args, [(0, -len(args) % _TOGETHER), (0, 0)], mode="edge")
         start = np.tile(y.reshape(1, 2, 1, 2), (1, 1, len(rows), 1))
-        found = self._samples(self.kind(*(each[:, None] for each in rows.T)), start, 0.0, 1.0, 1)
+        found = self._samples(rows.T[..., None], start, 0.0, 1.0, 1)
         return np.moveaxis(found[0, 1], 1, 0)[: len(args)].reshape(len(args), -1)
 
     def _memory(self, args: np.ndarray) -> _Memory:
         if self.is_compiled:
-            _, memory = _programs(self._method.stepper, self.kind)
+            _, memory = _programs(self._method.stepper, self.equation)
             return in_batches(functools.partial(memory, self._beginning), (args,), _CHUNK)
         with one_at_a_time(), np.errstate(all="ignore"):
-            rows = [
-                _expanded(*self._in_python(row), np.zeros(self.size), self._beginning)
-                for row in args
-            ]
+            rows = [self._memory_in_python(self._map(row)) for row in args]
         return _Memory(*map(np.stack, zip(*rows, strict=True)))
 
-    def _in_python(self, row: np.ndarray) -> tuple[Callable, Callable, Callable]:
-        """`init`, `step` and `state` on flat states."""
-        problem = self._problem(row)
-        own, shape = StepMap(problem, self._method), problem.y0.shape
-        return (
-            lambda y: own.start(y.reshape(shape), 1.0),
+    def _memory_in_python(self, own: StepMap) -> _Memory:
+        return _expanded(
+            lambda y: own.start(y.reshape(self.problem.y0.shape), 1.0),
             lambda carried: own.step(carried, 1.0),
             lambda carried: own.sample(carried, 1.0).ravel(),
+            np.zeros(self.size),
+            self._beginning,
         )
 
-    def _problem(self, row: np.ndarray) -> Problem:
-        return self.equation.changed(args=self.kind(*row.tolist()))
+    def _map(self, row: np.ndarray) -> StepMap:
+        args = self.equation.args(*row.tolist())
+        return StepMap(self.problem.changed(args=args), self._method)
 
 
 @functools.lru_cache(maxsize=64)
-def _programs(stepper: Stepper, kind: Any) -> tuple[Callable, Callable]:
+def _programs(stepper: Stepper, equation: LinearEquation) -> tuple[Callable, Callable]:
     """The matrices of a step of many cases, and `_expanded` after some steps, for many cases."""
-    equation = _EQUATIONS[kind]()
-    init, step, state = on_stored_states(stepper, equation.rhs, equation.mechanics)
+    problem = equation.problem
+    init, step, state = on_stored_states(stepper, problem.rhs, problem.mechanics)
     # Traced once, for all steps.
     step = jax.jit(step)
 
     def on(row: Any) -> tuple[Callable, Callable, Callable]:
-        args = kind(*row)
+        args = equation.args(*row)
         return (
-            lambda y: init(args, 0.0, y.reshape(equation.y0.shape), 1.0),
+            lambda y: init(args, 0.0, y.reshape(problem.y0.shape), 1.0),
             lambda carried: step(args, 0.0, carried, 1.0),
             lambda carried: state(args, 0.0, carried, 1.0).ravel(),
         )
 
     def once(row: Any) -> Any:
         init, step, state = on(row)
-        units = jnp.eye(equation.y0.size)[::2]
+        units = jnp.eye(problem.y0.size)[::2]
         return jax.vmap(lambda y: state(step(init(y))))(units).T
 
     def memory(beginning: Any, row: Any) -> Any:
-        return _expanded(*on(row), jnp.zeros(equation.y0.size), beginning)
+        return _expanded(*on(row), jnp.zeros(problem.y0.size), beginning)
 
     return CompiledAhead(jax.vmap(once)), CompiledAhead(jax.vmap(memory, in_axes=(None, 0)))
 

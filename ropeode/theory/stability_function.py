@@ -11,7 +11,7 @@ import numpy as np
 from ropeode.precision import in_float64
 from ropeode.problems import Problem
 from ropeode.simulation import Method, method_of
-from ropeode.theory.linear_method import LinearMethod, Rate, Spring, rates, springs
+from ropeode.theory.linear_method import FIRST_ORDER, OSCILLATOR, LinearEquation, LinearMethod
 
 # Points on circles about zero: small ones for the leading term, a larger one for polynomials, whose
 # degree stays below a quarter of the number of points.
@@ -33,14 +33,6 @@ _CASES = (
     (0.0, 2.0**6, 1.0),
 )
 _UNSETTLED = "it has not settled after 16 steps: later steps are not one matrix of what is carried"
-
-Equation = Literal["y' = lambda y", "x'' = -omega^2 x - 2 gamma x'"]
-# With the powers of dt by which their arguments, and behind these the numbers of a state, have to
-# be multiplied for the same motion.
-_EQUATIONS: dict[Any, tuple[Equation, tuple[int, ...]]] = {
-    Rate: ("y' = lambda y", (-1, -1, 0, 0)),
-    Spring: ("x'' = -omega^2 x - 2 gamma x'", (-2, -2, -1, 0, 0, -1, -1)),
-}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -90,7 +82,7 @@ class StabilityFunction:
     """
 
     stepper: str
-    equation: Equation
+    equation: Literal["y' = lambda y", "x'' = -omega^2 x - 2 gamma x'"]
     damped: bool
     polynomial: tuple[float, ...] | None
     amplification: LeadingTerm | None
@@ -115,12 +107,8 @@ class StabilityFunction:
         if self.polynomial is not None:
             with np.errstate(all="ignore"):
                 return _whole(np.abs(_value(self.polynomial, flat)), z.shape)
-        if self.equation == "y' = lambda y":
-            args = rates(flat)
-        else:
-            partner = flat.conj() if other is None else np.asarray(other, dtype=complex).ravel()
-            args = springs(flat, partner)
-        matrices = self._method.matrices(args)
+        partner = flat.conj() if other is None else np.asarray(other, dtype=complex).ravel()
+        matrices = self._method.matrices(self._method.equation.modes(flat, partner))
         return _whole(np.max(np.abs(_eigenvalues(matrices)), axis=1), z.shape)
 
     @property
@@ -149,26 +137,25 @@ def stability_function_of(
         UserCodeError: a user's step raised on that problem.
     """
     method = method_of(stepper, problem)
-    first = _on(Rate, method)
+    first = _on(FIRST_ORDER, method)
     if isinstance(first, StabilityFunction) or problem.mechanics is None:
         return first
-    second = _on(Spring, method)
+    second = _on(OSCILLATOR, method)
     if isinstance(second, StabilityFunction):
         return second
     return NoStabilityFunction(f"{first.reason} {second.reason}")
 
 
-def _on(kind: type[Rate] | type[Spring], method: Method) -> StabilityFunction | NoStabilityFunction:
+def _on(equation: LinearEquation, method: Method) -> StabilityFunction | NoStabilityFunction:
     """The stability function on one of the test equations."""
-    name, powers = _EQUATIONS[kind]
-    found, damped = LinearMethod(kind, method), True
-    args = rates(_GENERIC) if kind is Rate else springs(_GENERIC, -_GENERIC)
-    if why := _refusal(found, method, args, powers):
+    found, name = LinearMethod(equation, method), equation.name
+    args, damped = equation.modes(_GENERIC, -_GENERIC), True
+    if why := _refusal(found, method, args):
         return NoStabilityFunction(f"On {name} {why}.")
-    if kind is Spring:
-        with_damping = springs(_GENERIC, _GENERIC.conj())
+    if equation is OSCILLATOR:
+        with_damping = equation.modes(_GENERIC, _GENERIC.conj())
         damped = method.stepper.needs != "second order, no damping" and not _refusal(
-            found, method, with_damping, powers
+            found, method, with_damping
         )
         # What is a one-step method without damping may have memory with it.
         args = np.concatenate([args, with_damping]) if damped else args
@@ -178,34 +165,30 @@ def _on(kind: type[Rate] | type[Spring], method: Method) -> StabilityFunction | 
         stepper=method.stepper.label,
         equation=name,
         damped=damped,
-        polynomial=_polynomial(found) if found.is_one_step and kind is Rate else None,
+        polynomial=_polynomial(found) if found.is_one_step and equation is FIRST_ORDER else None,
         amplification=_amplification(found),
         _method=found,
     )
 
 
-def _refusal(
-    found: LinearMethod, method: Method, args: np.ndarray, powers: Sequence[int]
-) -> str | None:
+def _refusal(found: LinearMethod, method: Method, args: np.ndarray) -> str | None:
     """Why the stepper is no linear map on a test equation; None if it is one."""
-    if method.stepper.refusal(found.equation):
+    if method.stepper.refusal(found.problem):
         return "it cannot run, since it needs another kind of problem"
     try:
-        return _is_linear(found, args, powers)
+        return _is_linear(found, args)
     except Exception as error:
         # Whatever it is: the step is not made for this equation.
         cause = error.__cause__ or error
         return f"it raises {type(cause).__name__}: {' '.join(str(cause).split())[:120]}"
 
 
-def _is_linear(method: LinearMethod, args: np.ndarray, powers: Sequence[int]) -> str | None:
+def _is_linear(method: LinearMethod, args: np.ndarray) -> str | None:
     """What keeps it from being one linear map of z alone; None if nothing does.
 
     Arguments:
         method: is asked for runs.
         args: generic ones of its equation at dt = 1.
-        powers: for each of the `args`, and behind them for each number of the state, by which
-            power of dt it has to be multiplied for the same motion.
     """
     matrices = method.powers(args)
     y = np.random.default_rng(7).normal(size=(len(args), method.size))
@@ -217,7 +200,7 @@ def _is_linear(method: LinearMethod, args: np.ndarray, powers: Sequence[int]) ->
         if not np.max(np.abs(turned)) <= _TOLERANCE * largest:
             return "it treats the two components of the state in different ways"
     for t, dt, size in _CASES:
-        units = np.float64(dt) ** np.array(powers)
+        units = np.float64(dt) ** np.array(method.equation.powers)
         own, state = units[: args.shape[1]], size * units[args.shape[1] :]
         with np.errstate(all="ignore"):
             found = [
@@ -261,9 +244,7 @@ def _amplification(method: LinearMethod) -> LeadingTerm | None:
 
 def _principal(method: LinearMethod, z: np.ndarray) -> np.ndarray:
     """The eigenvalue nearest to exp(z); for oscillators without damping, ``x'' = z^2 x``."""
-    first_order = method.kind is Rate
-    args = rates(z) if first_order else springs(z, -z)
-    eigenvalues = _eigenvalues(method.matrices(args))
+    eigenvalues = _eigenvalues(method.matrices(method.equation.modes(z, -z)))
     nearest = np.argmin(np.abs(eigenvalues - np.exp(z)[:, None]), axis=1)
     return eigenvalues[np.arange(len(z)), nearest]
 
@@ -299,6 +280,5 @@ def _eigenvalues(matrices: np.ndarray) -> np.ndarray:
     """``(cases, size)``; infinite where a matrix is not finite."""
     finite = np.all(np.isfinite(matrices), axis=(1, 2))
     found = np.full(matrices.shape[:2], np.inf, dtype=complex)
-    single = matrices.shape[1] == 1
-    found[finite] = matrices[finite, 0] if single else np.linalg.eigvals(matrices[finite])
+    found[finite] = np.linalg.eigvals(matrices[finite])
     return found
