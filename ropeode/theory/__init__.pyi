@@ -16,6 +16,7 @@ from .growth import MOST_STEPS_OF_GROWTH as MOST_STEPS_OF_GROWTH
 from .growth import Growth as Growth
 from .growth import LinearisedStep as LinearisedStep
 from .growth import StableSteps as StableSteps
+from .growth import bisected as bisected
 from .growth import growth_per_frame as growth_per_frame
 from .growth import stability_limit as stability_limit
 from .known_tableaus import EXPLICIT as EXPLICIT

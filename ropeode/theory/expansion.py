@@ -293,7 +293,7 @@ def expanded(samples: StepSamples, t: np.ndarray, y: np.ndarray, longest: float)
 
 
 class _Coefficient(NamedTuple):
-    """As `extrapolation.Coefficient`, and the size that is natural for it, ``(functions,)``."""
+    """As `coefficient` returns it, and the size that is natural for it, ``(functions,)``."""
 
     value: np.ndarray
     error: np.ndarray
@@ -314,7 +314,11 @@ class _Series:
         self._errors, self._moved, self._noise, self._first = errors, moved, noise, zeros
         self._found: list[_Coefficient] = []
         self._zeros = np.full(len(errors), zeros)
-        self._sizes: dict[int, np.ndarray] = {}
+        # The solution does not move at dt = 0.
+        known = np.ones_like(self._zeros)
+        self._own = functools.cache(
+            lambda power: _largest(coefficient(moved, noise, power, known)[0])
+        )
 
     def __getitem__(self, power: int) -> _Coefficient:
         while len(self._found) <= power - self._first:
@@ -322,25 +326,17 @@ class _Series:
         return self._found[power - self._first]
 
     def _find(self, power: int) -> None:
-        own = coefficient(self._errors, self._noise, power, self._zeros)
+        value, error = coefficient(self._errors, self._noise, power, self._zeros)
         natural = self._natural(power)
-        zero = (_largest(own.value) <= _CERTAIN * own.error) & (
-            own.error <= _resolved(power) * natural
-        )
+        zero = (_largest(value) <= _CERTAIN * error) & (error <= _resolved(power) * natural)
         self._zeros[zero & (self._zeros == power)] = power + 1
-        self._found.append(_Coefficient(own.value, own.error, natural))
+        self._found.append(_Coefficient(value, error, natural))
 
     def _natural(self, power: int) -> np.ndarray:
         """The size of the solution's own coefficients of this power and the next one."""
         if not power:
             return _largest(self._moved[:, 0])
-        for each in (power, power + 1):
-            if each not in self._sizes:
-                # The solution does not move at dt = 0.
-                known = np.ones_like(self._zeros)
-                own = coefficient(self._moved, self._noise, each, known)
-                self._sizes[each] = _largest(own.value)
-        return np.maximum(self._sizes[power], self._sizes[power + 1])
+        return np.maximum(self._own(power), self._own(power + 1))
 
 
 def _resolved(power: int) -> float:

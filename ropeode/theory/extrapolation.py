@@ -20,23 +20,10 @@ _SAFETY = 2.0
 _AT_ONCE = 256
 
 
-class Coefficient(NamedTuple):
-    """A Taylor coefficient of each of several functions, with its estimated error.
-
-    Fields:
-        value: ``(functions, components)``.
-        error: of the largest component of each, ``(functions,)``; infinite where the values show
-            no limit.
-    """
-
-    value: np.ndarray
-    error: np.ndarray
-
-
 def coefficient(
     values: np.ndarray, noise: np.ndarray, power: int, zeros: np.ndarray
-) -> Coefficient:
-    """The coefficient of ``dt**power``, for the step sizes ``dt = LADDER``.
+) -> tuple[np.ndarray, np.ndarray]:
+    """The coefficient of ``dt**power`` of several functions, for the step sizes ``dt = LADDER``.
 
     Polynomials pass through every few neighbours on the ladder. Of all of them the one is taken
     whose estimated error is smallest: the difference from two polynomials of one degree less,
@@ -52,6 +39,10 @@ def coefficient(
         power: of dt.
         zeros: how many of the first coefficients of each function are known to be zero, at most
             `power`, ``(functions,)``.
+
+    Returns:
+        The coefficients, ``(functions, components)``, and the estimated error of the largest
+        component of each, ``(functions,)``; infinite where the values show no limit.
     """
     value = np.empty((len(values), values.shape[2]))
     error = np.empty(len(values))
@@ -59,10 +50,12 @@ def coefficient(
         every = np.flatnonzero(zeros == known)
         for own in np.array_split(every, -(-len(every) // _AT_ONCE)):
             value[own], error[own] = _best(values[own], noise[own], power - int(known), int(known))
-    return Coefficient(value, error)
+    return value, error
 
 
-def _best(values: np.ndarray, noise: np.ndarray, power: int, known: int) -> Coefficient:
+def _best(
+    values: np.ndarray, noise: np.ndarray, power: int, known: int
+) -> tuple[np.ndarray, np.ndarray]:
     """As `coefficient`, of functions of which the same number of coefficients is known."""
     rungs = values.shape[1]
     table, divided = _weights(power, rungs), STEP_LADDER[:rungs] ** known
@@ -77,7 +70,7 @@ def _best(values: np.ndarray, noise: np.ndarray, power: int, known: int) -> Coef
     spread = (noise / divided) @ np.abs(table.weights).T
     errors = np.where(unusable | ~table.judged, np.inf, _SAFETY * shift + spread)
     best, every = np.argmin(errors, axis=1), np.arange(len(values))
-    return Coefficient(limits[every, best], errors[every, best])
+    return limits[every, best], errors[every, best]
 
 
 class _Weights(NamedTuple):

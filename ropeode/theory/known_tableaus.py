@@ -158,13 +158,9 @@ SECOND_ORDER: dict[str, NystromTableau] = {
 }
 
 
-def published(stages: int) -> dict[str, Tableau]:
-    """Explicit methods with so many stages that libraries have, without stages of no effect."""
-    return {name: each for name, each in _published().items() if each.stages == stages}
-
-
 @functools.cache
-def _published() -> dict[str, Tableau]:
+def published() -> dict[str, Tableau]:
+    """Explicit methods that libraries have, without stages of no effect."""
     # They take a second to import.
     import diffrax
     from scipy import integrate

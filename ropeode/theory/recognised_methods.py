@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from fractions import Fraction
 from typing import NamedTuple
+
+import jax
 
 from ropeode.tableaus import NystromTableau, Tableau
 from ropeode.tableaus.stages import Number, Row, dot, ones, same
@@ -181,16 +183,8 @@ def _simplest(tableau: AnyTableau) -> AnyTableau:
         return tableau
     method = Tableau(tableau.a, tableau.b, tableau.c)
     derived, given = NystromTableau.of_tableau(method).parts, tableau.parts
-    columns = zip(_flat(derived), _flat(given), strict=True)
-    return method if all(same(one, other) for one, other in columns) else tableau
-
-
-def _flat(parts: Sequence) -> Iterator[Number]:
-    for each in parts:
-        if isinstance(each, Fraction | float):
-            yield each
-        else:
-            yield from _flat(each)
+    # Fractions and numbers are the leaves of these trees.
+    return method if all(map(same, jax.tree.leaves(derived), jax.tree.leaves(given))) else tableau
 
 
 def _candidates(tableau: AnyTableau) -> Iterator[tuple[str, AnyTableau]]:
@@ -199,7 +193,7 @@ def _candidates(tableau: AnyTableau) -> Iterator[tuple[str, AnyTableau]]:
     known = EXPLICIT if tableau.explicit else IMPLICIT
     if isinstance(tableau, Tableau):
         if tableau.explicit and stages > _FEW:
-            known = {**known, **published(stages)}
+            known = {**known, **published()}
         yield from ((name, each) for name, each in known.items() if each.stages == stages)
         return
     if not tableau.explicit:

@@ -23,13 +23,14 @@ import numpy as np
 
 from ropeode.checking.check_context import Examination
 from ropeode.checking.check_ropes import DIM, NODES, Units, acceleration, generic
-from ropeode.checking.checks.local_errors import Case, local_errors, rates, why_unknown
+from ropeode.checking.checks.local_errors import Case, LocalErrors, local_errors, rates, why_unknown
 from ropeode.checking.report import Finding
 from ropeode.checking.time_limit import OutOfTime, within
 from ropeode.errors import UserCodeError
 from ropeode.precision import in_float64
 from ropeode.problems import Mechanics, Problem
 from ropeode.simulation import Method
+from ropeode.theory import bisected
 from ropeode.validation import is_traced
 
 # How long steps are beside the shortest time in which something changes. The last ones fill an
@@ -47,9 +48,9 @@ _FINER, _MARGIN = (1, 8, 32), 0.5
 # are not known no more are.
 _SECONDS, _ALL_SECONDS, _FEWEST, _MOST_UNKNOWN = 2.0, 10.0, 8, 3
 _TOO_LONG = " (others take too long)"
-# How often the way to a threshold is halved, and how close to a number of two digits it is then; a
-# step in which nothing moves, and what it may err by.
-_HALVINGS, _CLOSE, _NO_WAY, _NO_WAY_ERRS = 40, 1e-5, 1e-7, 1e-6
+# How closely a threshold is found on the way to it, and how close to a number of two digits it is
+# then; a step in which nothing moves, and what it may err by.
+_BISECTED, _CLOSE, _NO_WAY, _NO_WAY_ERRS = 2.0**-40, 1e-5, 1e-7, 1e-6
 _TINY, _WAYS = 1e-300, 6
 # How many states are drawn for each rope.
 _DRAWN = 12
@@ -247,29 +248,27 @@ def _borders(
         Those of the fewest digits first.
     """
 
-    def at(part: float) -> tuple[bool, dict[str, np.ndarray]]:
-        here = way(part)
-        found = local_errors(here, method, np.array([length]))
-        errs = not np.all(found.errors <= allowed)
-        return errs, _numbers(here) | {"dt": found.dt[0] * here.units.time}
+    def found(part: float) -> LocalErrors:
+        return local_errors(way(part), method, np.array([length]))
 
-    (errs, low), (still, high) = at(0.0), at(1.0)
-    if errs or not still:
+    def is_usual(part: float) -> bool:
+        return bool(np.all(found(part).errors <= allowed))
+
+    def numbers(part: float) -> dict[str, np.ndarray]:
+        return _numbers(way(part)) | {"dt": found(part).dt[0] * way(part).units.time}
+
+    if not is_usual(0.0) or is_usual(1.0):
         return []
-    start, end = 0.0, 1.0
-    for _ in range(_HALVINGS):
-        middle = (start + end) / 2.0
-        errs, values = at(middle)
-        start, end = (start, middle) if errs else (middle, end)
-        low, high = (low, values) if errs else (values, high)
-    found = []
+    border = bisected(is_usual, 0.0, 1.0, _BISECTED)
+    low, high = (numbers(border + part) for part in (0.0, 2.0 * _BISECTED))
+    said = []
     for each in [name] if name else high:
         for before, value in zip(low[each], high[each], strict=True):
             digits = next((n for n in (0, 1) if _is_short(value, n)), None)
             if digits is not None and value != before:
                 side = "above" if value > before else "below"
-                found.append((digits, f"{each} is {side} {float(f'{value:.{digits}e}'):g}"))
-    return [words for _, words in sorted(found, key=lambda pair: pair[0])]
+                said.append((digits, f"{each} is {side} {float(f'{value:.{digits}e}'):g}"))
+    return [words for _, words in sorted(said, key=lambda pair: pair[0])]
 
 
 def _is_short(value: float, digits: int) -> bool:
