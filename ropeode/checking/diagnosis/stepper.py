@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from ropeode.checking.diagnosis.start import diagnose_start
 from ropeode.checking.diagnosis.step_size import diagnose_step_size
 from ropeode.checking.report import Diagnosis
 from ropeode.precision import in_float64
-from ropeode.steppers import as_stepper
+from ropeode.steppers import Stepper, as_stepper
 from ropeode.theory import (
     HIGHEST_ORDER,
     Expansion,
@@ -116,15 +116,15 @@ def diagnose_stepper(examination: Examination) -> tuple[Diagnosis, ...]:
         other = _other_method(examination)
         seen = min(each.seen for each in found) >= 1
         return (other,) if other else (seen and _elsewhere(examination, expected)) or named
-    named = tuple(_with_stages(each, examination) for each in named)
     remedy, order = named[0].remedy, _order(found)
+    named = tuple(_with_stages(each, examination) for each in named)
     if {cause.cause for cause in named} <= _OF_A_METHOD:
         named = tuple(_with_tableau(each, examination, expected) for each in named)
     first, *others = named
     # Coefficients that are wrong explain the order by themselves.
     unexplained = first.cause in _OF_COSTS and first.remedy == remedy and not others
     if unexplained and order is not None and order < expected:
-        named = (_with_cost(first, examination, found, order, expected),)
+        return (_with_cost(first, examination, found, order, expected),)
     return named
 
 
@@ -159,23 +159,32 @@ def _elsewhere(examination: Examination, expected: int) -> tuple[Diagnosis, ...]
     return ()
 
 
+def _sentences(first: str, *others: str) -> str:
+    """Clauses, of which the first is left without a capital."""
+    capital = (f"{each[0].upper()}{each[1:]}" for each in others)
+    return ". ".join([f"{first[0].lower()}{first[1:].rstrip('.')}", *capital])
+
+
+def _recognised(stepper: Stepper, declared: int | None = None) -> tuple[Any, str]:
+    """The method with a name that a step is, or nearly is, and a sentence; None if it is none."""
+    tableau = tableau_of(stepper, probe_ropes()[0]).tableau
+    method = None if tableau is None else recognised(tableau)
+    return method, describe(tableau, declared) if tableau is not None and method else ""
+
+
 def _with_tableau(diagnosis: Diagnosis, examination: Examination, expected: int) -> Diagnosis:
     """A diagnosis with the Runge-Kutta method that the step is, if it is one that has a name."""
     stepper = examination.stepper
     if stepper.needs == "second order, linear damping":
         # Its tableau is read without damping, of which it treats itself.
         return diagnosis
-    tableau = tableau_of(stepper, probe_ropes()[0]).tableau
-    method = None if tableau is None else recognised(tableau)
-    if tableau is None or method is None:
+    method, words = _recognised(stepper, expected or None)
+    if method is None:
         return diagnosis
-    words = describe(tableau, expected or None)
-    line = f"{words[0].lower()}{words[1:].rstrip('.')}"
-    if diagnosis.cause == "stage-time":
-        line += f". {diagnosis.line[0].upper()}{diagnosis.line[1:]}"
+    also = [diagnosis.line] if diagnosis.cause == "stage-time" else []
     return dataclasses.replace(
         diagnosis,
-        line=line,
+        line=_sentences(words, *also),
         evidence={**diagnosis.evidence, "method": words},
         remedy="; ".join(method.corrections) or diagnosis.remedy,
     )
@@ -188,7 +197,7 @@ def _with_stages(diagnosis: Diagnosis, examination: Examination) -> Diagnosis:
     reason = tableau_of(examination.stepper, probe_ropes()[0]).reason
     if not reason.startswith("multiplies"):
         return diagnosis
-    line = f"the step {reason}. {diagnosis.line[0].upper()}{diagnosis.line[1:]}"
+    line = _sentences(f"the step {reason}", diagnosis.line)
     return dataclasses.replace(
         diagnosis, line=line, remedy="let each stage begin with y + dt * ..."
     )
@@ -199,13 +208,10 @@ def _other_method(examination: Examination) -> Diagnosis | None:
     claimed = examination.claims.method
     if claimed in (None, examination.stepper.label):
         return None
-    steppers = (examination.stepper, as_stepper(claimed))
-    tableau, right = (tableau_of(each, probe_ropes()[0]).tableau for each in steppers)
-    method = None if tableau is None else recognised(tableau)
-    if tableau is None or method is None or (right and recognised(right) == method):
+    method, words = _recognised(examination.stepper)
+    if method is None or method == _recognised(as_stepper(claimed))[0]:
         return None
-    words = describe(tableau)
-    line = f"{words[0].lower()}{words[1:].rstrip('.')}; it is claimed to be {claimed}"
+    line = f"{_sentences(words)}; it is claimed to be {claimed}"
     return Diagnosis("method", line, {"method": words}, "; ".join(method.corrections))
 
 
@@ -251,10 +257,9 @@ def _with_cost(
         if expected == 2 and diagnosis.cause == "lagged-damping":
             remedies = [diagnosis.remedy]
         remedies.append(f"or claim order {order} on problems with damping")
-    first, *others = (*lines, diagnosis.line)
     return dataclasses.replace(
         diagnosis,
-        line=". ".join([first, *(f"{each[0].upper()}{each[1:]}" for each in others)]),
+        line=_sentences(*lines, diagnosis.line),
         evidence={**diagnosis.evidence, "costs": {each.field: best for each in costs}},
         remedy="; ".join(remedies) or diagnosis.remedy,
     )
@@ -269,41 +274,35 @@ def _order_alone(found: Sequence[Expansion], order: int | None, expected: int) -
     """What is known of a step whose equation is right, and whose order has no known cause."""
     states = sum(len(each.t) for each in found)
     evidence = {"order": order, "expected": expected or None, "states": states}
+    right = "the step solves the right equation, with"
     if order is None:
         seen = min(HIGHEST_ORDER, *(each.seen for each in found))
+        line = f"{right} an order above {seen}; rounding hides more"
         if seen < 1:
-            return Diagnosis(
-                "unknown",
-                f"at {states} random states what a step does follows no whole powers of dt: is "
-                "there another power, rounding, or a threshold of dt?",
-                evidence,
+            line = (
+                "what a step does follows no whole powers of dt: is there another power, rounding, "
+                "or a threshold of dt?"
             )
-        return Diagnosis(
-            "unknown",
-            f"at {states} random states the step solves the right equation, with an order above "
-            f"{seen}; rounding hides more",
-            evidence,
-        )
+        return Diagnosis("unknown", f"at {states} random states {line}", evidence)
     every = np.concatenate([each.orders for each in found], axis=1)
     # Where rounding hides the terms of one quantity, the other has the order.
     x, v = (int(np.nanmin(row, initial=np.inf) if np.any(row == row) else order) for row in every)
     orders = f"order {x}" if x == v else f"order {x} in positions and {v} in velocities"
-    if order < expected:
-        half = 0 if x == order else 1
-        sizes = [np.abs(each.rate(order).value[:, half]) for each in found]
-        where = where_off(found, sizes, _NONE * max(map(np.max, sizes)))
+    if order >= expected:
         return Diagnosis(
-            "order",
-            f"the step solves the right equation, with local {orders}"
-            f"{where or f' at all of {states} random states'}; order {expected} is expected",
+            "unknown",
+            f"at {states} random states {right} {orders}: what is wrong shows at other states, "
+            "times or step sizes, or after many steps",
             evidence,
-            "use the same formula at all nodes, along all axes and at all times"
-            if where
-            else f"use a method of order {expected}, or claim order {order}",
         )
+    sizes = [np.abs(each.rate(order).value[:, 0 if x == order else 1]) for each in found]
+    where = where_off(found, sizes, _NONE * max(map(np.max, sizes)))
     return Diagnosis(
-        "unknown",
-        f"at {states} random states the step solves the right equation, with {orders}: what is "
-        "wrong shows at other states, times or step sizes, or after many steps",
+        "order",
+        f"{right} local {orders}{where or f' at all of {states} random states'}; order {expected} "
+        "is expected",
         evidence,
+        "use the same formula at all nodes, along all axes and at all times"
+        if where
+        else f"use a method of order {expected}, or claim order {order}",
     )
