@@ -11,7 +11,7 @@ import numpy as np
 from ropeode.theory.changed_parameters import common_pace
 from ropeode.theory.diagnosis import Diagnosis, Fault
 from ropeode.theory.expansion import Expansion
-from ropeode.theory.projection import Projection, projected
+from ropeode.theory.projection import projected
 from ropeode.theory.rope_terms import (
     CONSTANT,
     NOT_JOINED,
@@ -29,7 +29,6 @@ from ropeode.theory.step_at_zero import position_faults
 from ropeode.theory.term_factors import Factor, mistakes_in
 from ropeode.theory.terms import TERMS, by_power, mass
 from ropeode.theory.whereabouts import where_off
-from ropeode.validation import listed
 
 # How the sentence of a diagnosis begins.
 SOLVES_ANOTHER = "at dt = 0 the step solves another equation: "
@@ -107,11 +106,11 @@ def diagnose_equation(
 def _looked_into(fault: Fault, expansions: Sequence[Expansion]) -> Fault:
     """A fault that single steps of other kinds tell more about: they are made."""
     name, factor = fault.term
-    if name == OF_ZERO and _starts_anew(expansions):
+    if name == OF_ZERO and any(map(_starts_anew, expansions)):
         return fault._replace(words=f"{fault.words} at the start of each run")
-    if factor == 0.0 and name in _MADE_BY and _is_with_dt(name, expansions):
+    if factor == 0.0 and name in _MADE_BY and all(_is_with_dt(name, each) for each in expansions):
         return Fault(by_power(name, 1.0), remedy=_ONCE)
-    if (name, factor) == ("all", 0.5) and _is_mean_velocity(expansions):
+    if (name, factor) == ("all", 0.5) and all(map(_is_mean_velocity, expansions)):
         return Fault(
             "the acceleration is counted half in the velocity, which is (x_new - x)/dt: that is "
             "the mean velocity of the step, and contains dt/2 a",
@@ -120,39 +119,29 @@ def _looked_into(fault: Fault, expansions: Sequence[Expansion]) -> Fault:
     return fault
 
 
-def _starts_anew(expansions: Sequence[Expansion]) -> bool:
+def _starts_anew(own: Expansion) -> bool:
     """Whether two steps in a row end elsewhere than one after another, of which each is first."""
-    for each in expansions:
-        dt = each.ladder / 8.0
-        after = each.samples.after(each.t, each.y, dt[:, None], 2)[:, 0]
-        once, twice = after[:, 1], after[:, 2]
-        again = each.samples.after(each.t + dt, once, dt[:, None], 1)[:, 0, 1]
-        if np.max(np.abs(again - twice)) > _SPREAD * np.max(np.abs(twice)):
-            return True
-    return False
+    dt = own.ladder / 8.0
+    once, twice = np.moveaxis(own.samples.after(own.t, own.y, dt[:, None], 2)[:, 0, 1:], 1, 0)
+    again = own.samples.after(own.t + dt, once, dt[:, None], 1)[:, 0, 1]
+    return bool(np.max(np.abs(again - twice)) > _SPREAD * np.max(np.abs(twice)))
 
 
-def _is_with_dt(name: str, expansions: Sequence[Expansion]) -> bool:
+def _is_with_dt(name: str, own: Expansion) -> bool:
     """Whether a term that is left out at dt = 0 changes velocities by dt^2."""
-    for each in expansions:
-        dt, args = each.ladder[:, None] / 8.0 * np.array([1.0, 0.5]), each.problem.args
-        others = {field: 0.5 * getattr(args, field) for field in _MADE_BY[name]}
-        halved = each.samples.on(each.problem.changed(args=args._replace(**others)))
-        own, other = (of.after(each.t, each.y, dt, 1)[:, :, 1, 1] for of in (each.samples, halved))
-        long, short = np.max(np.abs(own - other), axis=(0, 2, 3))
-        if not abs(np.log2(max(long, _TINY) / max(short, _TINY)) - 2.0) < _SQUARED:
-            return False
-    return True
+    dt, args = own.ladder[:, None] / 8.0 * np.array([1.0, 0.5]), own.problem.args
+    others = {field: 0.5 * getattr(args, field) for field in _MADE_BY[name]}
+    halved = own.samples.on(own.problem.changed(args=args._replace(**others)))
+    before, after = (of.after(own.t, own.y, dt, 1)[:, :, 1, 1] for of in (own.samples, halved))
+    long, short = np.max(np.abs(before - after), axis=(0, 2, 3)) + _TINY
+    return bool(abs(np.log2(long / short) - 2.0) < _SQUARED)
 
 
-def _is_mean_velocity(expansions: Sequence[Expansion]) -> bool:
+def _is_mean_velocity(own: Expansion) -> bool:
     """Whether the new velocity is the difference of the positions, divided by dt."""
-    for each in expansions:
-        after = _after(each)
-        mean = 8.0 * (after[:, 0] - each.y[:, 0]) / each.ladder[:, None, None]
-        if np.max(np.abs(mean - after[:, 1])) > _EXPLAINED * np.max(np.abs(mean)):
-            return False
-    return True
+    after = _after(own)
+    mean = 8.0 * (after[:, 0] - own.y[:, 0]) / own.ladder[:, None, None]
+    return bool(np.max(np.abs(mean - after[:, 1])) <= _EXPLAINED * np.max(np.abs(mean)))
 
 
 def _pace(expansions: Sequence[Expansion]) -> Diagnosis | None:
@@ -191,6 +180,22 @@ def _after(expansion: Expansion) -> np.ndarray:
     return expansion.samples.after(expansion.t, expansion.y, dt, 1)[:, 0, 1]
 
 
+class _Node(NamedTuple):
+    """The acceleration of a free node.
+
+    Fields:
+        off: the difference from the right one, flat.
+        own: the rope's own terms of it.
+        others: terms of other laws, by their names.
+        kept: the factor by which the step multiplies the velocity; not-a-number if by none.
+    """
+
+    off: np.ndarray
+    own: list[RopeTerm]
+    others: dict[str, list[RopeTerm]]
+    kept: float
+
+
 class _Explanation(NamedTuple):
     """A sum of terms that makes up the difference from the right acceleration.
 
@@ -218,12 +223,13 @@ def _velocities(
 ) -> list[Fault]:
     """Which terms of the acceleration are off by which factors, or what else is in it."""
     size = max(float(np.max(np.abs(each.slopes[:, 1]))) for each in expansions)
-    keeping = np.full((len(expansions), expansions[0].y.shape[2]), np.nan) if kept is None else kept
-    nodes = [
-        _Node(each, int(node), float(own[node]))
-        for each, own in zip(expansions, keeping, strict=True)
-        for node in np.flatnonzero(each.problem.args.free)
-    ]
+    nodes = []
+    for i, each in enumerate(expansions):
+        motion = Motion(each.problem.args, each.t, each.y[:, 0], each.y[:, 1])
+        for node in np.flatnonzero(each.problem.args.free).tolist():
+            off, factor = each.rate(0).value[:, 1, node], np.nan if kept is None else kept[i, node]
+            others = {law: other_terms(motion, node, law) for law in OTHER_LAWS}
+            nodes.append(_Node(off.ravel(), own_terms(motion, node), others, float(factor)))
     found: list[_Explanation] = []
     for several in range(3):
         tried = (
@@ -244,34 +250,14 @@ def _velocities(
     return best.faults
 
 
-class _Node:
-    """The acceleration of one node in one expansion, and its terms, which are computed once."""
-
-    def __init__(self, expansion: Expansion, node: int, kept: float):
-        self.kept = kept
-        x, v = expansion.y[:, 0], expansion.y[:, 1]
-        self._motion, self._index = Motion(expansion.problem.args, expansion.t, x, v), node
-        self._difference = expansion.rate(0).value[:, 1, node].ravel()
-        self._own = own_terms(self._motion, node)
-        self._others: dict[str, list[RopeTerm]] = {}
-
-    def project(self, laws: tuple[str, ...]) -> tuple[list[RopeTerm], Projection]:
-        """The terms of some laws, and the rope's own, with their coefficients in the difference."""
-        for law in laws:
-            if law not in self._others:
-                self._others[law] = other_terms(self._motion, self._index, law)
-        # Of terms that depend on each other, the first are used: what an explanation adds.
-        terms = [*(term for law in laws for term in self._others[law]), *self._own]
-        fields = np.stack([term.values.ravel() for term in terms])
-        return terms, projected(self._difference, fields)
-
-
 def _explanation(nodes: Sequence[_Node], size: float, laws: tuple[str, ...]) -> _Explanation | None:
     """The rope's own terms and some others, if they make up the difference."""
     factors: list[Factor] = []
     worst = 0.0
     for node in nodes:
-        terms, found = node.project(laws)
+        # Of terms that depend on each other, the first are used: what an explanation adds.
+        terms = [*(term for law in laws for term in node.others[law]), *node.own]
+        found = projected(node.off, np.stack([term.values.ravel() for term in terms]))
         if found.rest > _EXPLAINED * size:
             return None
         worst = max(worst, found.rest)
@@ -330,18 +316,10 @@ def _with_law(faults: list[Fault], name: str, factors: list[Factor]) -> list[Fau
     """
     law = OTHER_LAWS[name]
     remedy = f"leave out {name}"
-    if name == NOT_JOINED:
-        pairs = {
-            tuple(sorted((each.place.node, each.place.element // 2)))
-            for each in factors
-            if not each.equals(0.0)
-        }
-        words = listed(f"{i}-{j}" for i, j in sorted(pairs))
-        text = f"there is a force between nodes {words}, which no spring joins"
-        return [*faults, Fault(text, remedy=remedy)]
     found = _multiples(factors, not law.of_springs)
     if found is None:
-        return [*faults, Fault(f"there is {name}", named=False)]
+        # Between nodes that no spring joins, each pair has a force of its own.
+        return [*faults, Fault(f"there is {name}", name == NOT_JOINED, remedy)]
     words, text = found
     gone = [fault for fault in faults if fault.term == (law.replaces, 0.0)]
     if text + words == law.coefficient and law.words and (gone or not law.replaces):
