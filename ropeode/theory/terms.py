@@ -141,40 +141,28 @@ def mass(place: TermPlace) -> float:
     return place.args.mass[place.node]
 
 
-def _one_for_all(name: str, part: str, words: str, whole: str) -> tuple[Mistake, Mistake]:
-    """The first of an array, or its mean, in place of each; `part` of a place is the index."""
+# What people take in place of an element of an array, from the array and the element's index.
+_INSTEAD: dict[str, Callable[[np.ndarray, int], Any]] = {
+    "the first {} for all": lambda array, i: array[0],
+    "the mean {} for all": lambda array, i: np.mean(array),
+    "the next {}": lambda array, i: array[(i + 1) % len(array)],
+    "the previous {}": lambda array, i: array[i - 1],
+    "the {}s in reverse order": lambda array, i: array[-1 - i],
+}
 
-    def factor(one: Callable[[np.ndarray], float]) -> Callable[[TermPlace], float]:
+
+def _of_another(name: str, verb: str, whole: str) -> tuple[Mistake, ...]:
+    """The number of another node or spring in place of its own."""
+
+    def factor(pick: Callable[[np.ndarray, int], Any]) -> Callable[[TermPlace], float]:
         def of(place: TermPlace) -> float:
-            array = getattr(place.args, name)
-            return float(one(array) / array[getattr(place, part)])
+            array, i = getattr(place.args, name), place.element
+            return float(pick(array, i) / array[i])
 
         return of
 
-    return (
-        Mistake(f"{words} the first {whole} for all", factor(lambda array: array[0])),
-        Mistake(f"{words} the mean {whole} for all", factor(np.mean)),
-    )
-
-
-def _of_other_springs(name: str, words: str) -> tuple[Mistake, ...]:
-    def factor(shift: int) -> Callable[[TermPlace], float]:
-        def of(place: TermPlace) -> float:
-            array = getattr(place.args, name)
-            return float(array[(place.element + shift) % len(array)] / array[place.element])
-
-        return of
-
-    return (
-        Mistake(f"{words} the next spring", factor(1)),
-        Mistake(f"{words} the previous spring", factor(-1)),
-        Mistake(
-            f"{words} the springs in reverse order",
-            lambda place: float(
-                getattr(place.args, name)[-1 - place.element]
-                / getattr(place.args, name)[place.element]
-            ),
-        ),
+    return tuple(
+        Mistake(f"{verb} {words.format(whole)}", factor(pick)) for words, pick in _INSTEAD.items()
     )
 
 
@@ -195,7 +183,6 @@ def _times(words: str, factor: float) -> Mistake:
     return Mistake(words, lambda place: factor)
 
 
-NUMBERS = tuple(_times(*each) for each in FACTORS.items())
 _OF_A_FORCE = (
     Mistake("is not divided by the mass", mass),
     Mistake("is divided by the mass twice", lambda place: 1.0 / mass(place)),
@@ -213,7 +200,7 @@ _OF_AN_ACCELERATION = (
 MISTAKES: dict[str, tuple[Mistake, ...]] = {
     "gravity": _OF_AN_ACCELERATION,
     "drive": _OF_AN_ACCELERATION,
-    "damping": (*_OF_A_FORCE, *_one_for_all("damping", "node", "is that of", "node")),
+    "damping": (*_OF_A_FORCE, *_of_another("damping", "is that of", "node")),
     "spring": (
         *_OF_A_FORCE,
         Mistake("is divided by the rest length", lambda place: 1.0 / _rest_length(place)),
@@ -222,8 +209,7 @@ MISTAKES: dict[str, tuple[Mistake, ...]] = {
             "is multiplied by the rest length in place of the stiffness",
             lambda p: _rest_length(p) / p.args.stiffness[p.element],
         ),
-        *_one_for_all("stiffness", "element", "has the stiffness of", "spring"),
-        *_of_other_springs("stiffness", "has the stiffness of"),
+        *_of_another("stiffness", "has the stiffness of", "spring"),
         Mistake(
             "is divided by the mass of the spring's other end",
             lambda p: mass(p) / p.args.mass[2 * p.element + 1 - p.node],
@@ -236,8 +222,7 @@ MISTAKES: dict[str, tuple[Mistake, ...]] = {
         Mistake(
             "is rounded to a whole number", lambda p: np.round(_rest_length(p)) / _rest_length(p)
         ),
-        *_one_for_all("rest_length", "element", "is that of", "spring"),
-        *_of_other_springs("rest_length", "is that of"),
+        *_of_another("rest_length", "is that of", "spring"),
         Mistake("is squared", _rest_length),
     ),
     "mass": (
@@ -252,7 +237,7 @@ MISTAKES: dict[str, tuple[Mistake, ...]] = {
 
 
 class KnownMistake(NamedTuple):
-    """A mistake of `MISTAKES`, `NUMBERS` or `LAWS` on one rope.
+    """A mistake of `MISTAKES`, `FACTORS` or `LAWS` on one rope.
 
     Fields:
         kind: of the term.
@@ -276,7 +261,7 @@ def known_mistakes(args: Any) -> list[KnownMistake]:
     Arguments:
         args: the rope's numbers.
     """
-    at_nodes = [TermPlace(args, node, 0) for node in range(len(args.mass))]
+    at_nodes = [TermPlace(args, node, node) for node in range(len(args.mass))]
     springs = range(len(args.rest_length) if hasattr(args, "stiffness") else 0)
     at_ends = [[TermPlace(args, i + end, i) for i in springs] for end in (0, 1)]
     places = {
@@ -315,12 +300,11 @@ def known_mistakes(args: Any) -> list[KnownMistake]:
 
 
 def _numbers(kind: str) -> tuple[Mistake, ...]:
-    """Those of `NUMBERS` that make sense: a mass divides the forces, and is positive."""
-    if kind not in ("mass", "forces"):
-        return NUMBERS
-    inverse = {words: 1.0 / factor for words, factor in FACTORS.items() if factor > 0.0}
-    rest = {words: factor for words, factor in FACTORS.items() if factor <= 0.0}
-    return tuple(map(_times, *zip(*(inverse if kind == "mass" else rest).items(), strict=True)))
+    """One factor for all; those that a mass may have, which divides all forces, and is positive."""
+    if kind == "mass":
+        return tuple(_times(words, 1.0 / factor) for words, factor in FACTORS.items() if factor > 0)
+    signs = [words for words, factor in FACTORS.items() if kind != "forces" or factor <= 0]
+    return tuple(_times(words, FACTORS[words]) for words in signs)
 
 
 def _effect(args: Any, values: Mapping[str, np.ndarray]) -> list[np.ndarray]:
