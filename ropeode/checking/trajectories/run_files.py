@@ -30,11 +30,10 @@ _NAMES_SHOWN = 3
 _ROUNDINGS = 4.0
 # Two step sizes, numbers of steps or intervals are equal if they differ by less, as a part.
 _SAME = 1e-3
-# Relative rounding errors of times: in float64, added up step by step; and if written with few
-# digits.
-_ADDED_UP, _FEW_DIGITS = 1e-9, 1e-5
-# As a part of an interval: a missing sample is detected however the times are rounded.
-_HALF = 0.5
+# Relative rounding error of times in float64, added up step by step.
+_ADDED_UP = 1e-9
+# As a part of an interval: rounding moves no time so far; nor does it hide a missing sample.
+_CLOSE, _HALF = 0.25, 0.5
 # In names of files. Those with a point or an exponent are step sizes rather than numbers of steps.
 _NUMBER = re.compile(r"\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 # In complaints, which are the same fault if they differ by these alone.
@@ -403,22 +402,19 @@ def _sampled(
         allowed = "a sample at each sample time"
         raise bad_value(where(0, None, None), "no samples", allowed, "write them")
     _check_order(written)
-    scale = np.maximum(np.abs(wanted), np.min(np.diff(wanted)))
-    if not _is_same_time(times[0], wanted[0], scale[0]):
+    room = _room(times, wanted)
+    if abs(times[0] - wanted[0]) > room[0]:
         raise bad_value(
             where(0, None, None),
             float(times[0]),
             f"the start of the problem, t = {wanted[0]:g}, as the first time",
             "write the initial state before the first step",
         )
-    room = _FEW_DIGITS * scale
-    if len(times) > 1:
-        room = np.minimum(room, 0.25 * (times[1] - times[0]))
     found = np.searchsorted(times, wanted - room)
     found = found[found < len(times)]
-    right = [_is_same_time(*each) for each in zip(times[found], wanted, scale, strict=False)]
-    kept = found[: len(found) if all(right) else right.index(False)]
-    missing = None if all(right) else int(found[len(kept)])
+    wrong = np.abs(times[found] - wanted[: len(found)]) > room[: len(found)]
+    kept = found[: int(np.argmax([*wrong, True]))]
+    missing = int(found[len(kept)]) if wrong.any() else None
     _check_spacing(written, kept, missing, wanted)
     if missing is not None:
         raise bad_value(
@@ -473,14 +469,17 @@ def _check_order(written: Written) -> None:
         )
 
 
-def _is_same_time(time: float, wanted: float, scale: float) -> bool:
-    """Whether a time is the wanted one, apart from rounding to its digits."""
-    if abs(time - wanted) <= _ADDED_UP * scale:
-        return True
-    if abs(time - wanted) > _FEW_DIGITS * scale:
-        return False
-    digits = len(f"{float(time)!r}".partition("e")[0].replace(".", "").strip("-0"))
-    return time in (float(f"{wanted:.{max(digits, 1)}g}"), float(np.float32(wanted)))
+def _room(times: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """How far each wanted time may be from that in a file: by adding up steps, and by its digits.
+
+    Another sample, or another wanted time, is farther away.
+    """
+    scale = np.maximum(np.abs(wanted), np.min(np.diff(wanted)))
+    rounding = (_ADDED_UP + epsilon(times)) * scale + last_digit(times)
+    return np.minimum(
+        rounding,
+        _CLOSE * min(np.min(np.diff(each), initial=np.inf) for each in (times[:2], wanted)),
+    )
 
 
 def _check_spacing(
@@ -497,15 +496,12 @@ def _check_spacing(
         begins = np.append(True, hit[:-1])
         usual = gaps[begins][np.cumsum(begins) - 1]
     room = _SAME * usual + _ADDED_UP * np.abs(ends)
-
-    def wrong() -> np.ndarray:
-        return (gaps > usual + room) | ((gaps < usual - room) & ~hit)
-
-    if wrong().any():
-        rounding = epsilon(ends) * np.abs(ends) + 2.0 * last_digit(ends)
-        room += np.minimum(rounding, _HALF * usual)
-    if wrong().any():
-        i = int(np.argmax(wrong()))
+    # A missing sample is detected however the times are rounded.
+    rounding = epsilon(ends) * np.abs(ends) + 2.0 * last_digit(ends)
+    room += np.minimum(rounding, _HALF * usual)
+    wrong = (gaps > usual + room) | ((gaps < usual - room) & ~hit)
+    if wrong.any():
+        i = int(np.argmax(wrong))
         raise bad_value(
             written.where(i + 1, None, None),
             f"a time {gaps[i]:.6g} after the previous one",
