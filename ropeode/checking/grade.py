@@ -212,12 +212,12 @@ class _Causes:
         Arguments:
             order: a verdict; where it is `undetermined` those are left out that need an order.
         """
-        reference, known, program, late = self.reference, self.known, self.program, self.late
+        reference, known, program = self.reference, self.known, self.program
         wrong, several, written = order.status == "fail", len(known) >= FEWEST, None
         if program is not None and program.cause != "method":
             yield self._or_so_written(program)
         # Half a step may be the error of a method of order 1.
-        if late is not None and (wrong or late.cause != "sample-time"):
+        if (late := self.late) is not None and (wrong or late.cause != "sample-time"):
             yield late
         if program is not None and self.is_refuted:
             yield program

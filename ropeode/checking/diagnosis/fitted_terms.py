@@ -17,8 +17,8 @@ _DIFFERENCE = 1e-6
 # And the most steps.
 _FIRST_DAMPING, _SMALLER, _AS_PROMISED, _LARGER, _MOST_ITERATIONS = 1e-2, 10.0, 0.7, 4.0, 30
 # A step this small beside the changes ends a fit; so does one that leaves most of a cost that is
-# large, according to the slopes.
-_SMALL_STEP, _MOST_OF_IT = 1e-11, 0.9
+# large, according to the slopes, and so do so many steps that together leave half of it.
+_SMALL_STEP, _MOST_OF_IT, _PATIENCE = 1e-11, 0.9, 8
 # The most terms that are changed together.
 _MOST_CHANGES = 3
 # All samples are taken for sets that leave so few units of uncertainty of the first samples, or so
@@ -46,6 +46,7 @@ class Fit:
     def __init__(self, changes: tuple[Change, ...], start: np.ndarray):
         self.changes, self.tried, self.done = changes, start, False
         self._damping, self._cost, self._expected = _FIRST_DAMPING, np.inf, 0.0
+        self._to_halve, self._idle = np.inf, 0
 
     def take(self, apart: np.ndarray, slopes: np.ndarray) -> None:
         """Choose the next values from the differences of those tried, and their slopes."""
@@ -53,19 +54,22 @@ class Fit:
         promised = self._cost - self._expected if self._cost < np.inf else 0.0
         if not cost < self._cost:
             self._damping *= _LARGER
+            self.done = not self.is_finite
         else:
             if self._cost - cost >= _AS_PROMISED * promised:
                 self._damping /= _SMALLER
             self.values, self._apart, self._slopes = self.tried, apart, slopes
             self._cost = cost
-        if not self.is_finite:
-            self.done = True
+        if self.done:
             return
         scale = np.sqrt(self._damping) * np.linalg.norm(self._slopes, axis=0)
         # Slopes of a rope that nearly blew up may be too large to take a step by.
         if not np.all(np.isfinite(scale)):
             self.done = True
             return
+        self._idle += 1
+        if self._cost < 0.5 * self._to_halve:
+            self._to_halve, self._idle = self._cost, 0
         matrix = np.vstack([self._slopes, np.diag(scale)])
         right = np.concatenate([-self._apart, np.zeros(len(scale))])
         step = np.linalg.lstsq(matrix, right, rcond=None)[0]
@@ -73,7 +77,8 @@ class Fit:
         self._expected = float(np.sum((self._apart + self._slopes @ step) ** 2))
         stays = self._expected > _MOST_OF_IT * self._cost and self._damping <= _FIRST_DAMPING
         small = np.all(np.abs(step) <= _SMALL_STEP * (1.0 + np.abs(self.values)))
-        self.done = bool(small) or (stays and self.misfit > _NEARLY)
+        hopeless = (stays or self._idle >= _PATIENCE) and self.misfit > _NEARLY
+        self.done = bool(small) or hopeless
 
     @property
     def is_finite(self) -> bool:
