@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ropeode.checking.diagnosis.rope_forces import Terms, right_terms
-from ropeode.theory.terms import TERMS
+from ropeode.theory.terms import TERMS, KnownMistake
 
 # By how much a term is changed for its derivative.
 _DIFFERENCE = 1e-6
@@ -17,7 +18,7 @@ _DIFFERENCE = 1e-6
 # And the most steps.
 _FIRST_DAMPING, _SMALLER, _AS_PROMISED, _LARGER, _MOST_ITERATIONS = 1e-2, 10.0, 0.7, 4.0, 30
 # A step this small beside the changes ends a fit; so does one that leaves most of a cost that is
-# large, according to the slopes, and so do so many steps that together leave half of it.
+# large, according to the slopes, and so do so many steps that together leave so much of it.
 _SMALL_STEP, _MOST_OF_IT, _PATIENCE = 1e-11, 0.9, 8
 # The most terms that are changed together.
 _MOST_CHANGES = 3
@@ -28,8 +29,41 @@ _NEARLY, _LEFT, _MOST_NEAR = 10.0, 1e-3, 24
 
 # The terms that one mistake changes alike.
 Change = tuple[str, ...]
-# Some changes, and the value that each gives to its terms.
-Valued = tuple[tuple[Change, ...], np.ndarray]
+
+
+class Guess(NamedTuple):
+    """What may be wrong in a program.
+
+    Fields:
+        changes: of its terms.
+        values: what each of them makes of its terms.
+        mistakes: known ones, in place of changes by a number.
+    """
+
+    changes: tuple[Change, ...] = ()
+    values: tuple[float, ...] = ()
+    mistakes: tuple[KnownMistake, ...] = ()
+
+    @property
+    def terms(self) -> dict[str, Any]:
+        """The values of the terms that are not right."""
+        pairs = zip(self.changes, self.values, strict=True)
+        terms: dict[str, Any] = {name: value for change, value in pairs for name in change}
+        for mistake in self.mistakes:
+            for name, value in mistake.values.items():
+                terms[name] = terms.get(name, 1.0) * value
+        return terms
+
+
+def terms_of(guesses: Sequence[Guess]) -> Terms:
+    """The terms of a copy of a program for each guess."""
+    terms = right_terms(len(guesses))
+    for copy, guess in enumerate(guesses):
+        for name, value in guess.terms.items():
+            if np.ndim(value) > terms[name].ndim - 1:
+                terms[name] = np.repeat(terms[name][:, None], np.size(value), axis=1)
+            terms[name][copy] = value
+    return terms
 
 
 class Fit:
@@ -39,14 +73,13 @@ class Fit:
     all ropes of hundreds of fits move side by side, and each fit takes one step.
 
     Arguments:
-        changes: of terms.
-        start: the values with which it begins.
+        start: the changes, with the values from which it begins.
     """
 
-    def __init__(self, changes: tuple[Change, ...], start: np.ndarray):
-        self.changes, self.tried, self.done = changes, start, False
+    def __init__(self, start: Guess):
+        self.changes, self.tried, self.done = start.changes, np.array(start.values), False
         self._damping, self._cost, self._expected = _FIRST_DAMPING, np.inf, 0.0
-        self._to_halve, self._idle = np.inf, 0
+        self._to_beat, self._idle = np.inf, 0
 
     def take(self, apart: np.ndarray, slopes: np.ndarray) -> None:
         """Choose the next values from the differences of those tried, and their slopes."""
@@ -68,8 +101,8 @@ class Fit:
             self.done = True
             return
         self._idle += 1
-        if self._cost < 0.5 * self._to_halve:
-            self._to_halve, self._idle = self._cost, 0
+        if self._cost < _MOST_OF_IT * self._to_beat:
+            self._to_beat, self._idle = self._cost, 0
         matrix = np.vstack([self._slopes, np.diag(scale)])
         right = np.concatenate([-self._apart, np.zeros(len(scale))])
         step = np.linalg.lstsq(matrix, right, rcond=None)[0]
@@ -79,6 +112,11 @@ class Fit:
         small = np.all(np.abs(step) <= _SMALL_STEP * (1.0 + np.abs(self.values)))
         hopeless = (stays or self._idle >= _PATIENCE) and self.misfit > _NEARLY
         self.done = bool(small) or hopeless
+
+    @property
+    def guess(self) -> Guess:
+        """The changes with the values that were found."""
+        return Guess(self.changes, (*self.values.tolist(),))
 
     @property
     def is_finite(self) -> bool:
@@ -121,22 +159,21 @@ class Fitting:
         self._target = np.nan_to_num(states[1:]).reshape(self._weights.shape)
 
     def _differences(
-        self, sets: Sequence[Valued], samples: int
+        self, guesses: Sequence[Guess], samples: int
     ) -> list[tuple[np.ndarray, np.ndarray]]:
-        """From the first samples, in units of their uncertainty, with all changes of a set.
+        """From the first samples, in units of their uncertainty, with all changes of a guess.
 
         Returns:
-            For each set the differences, ``(numbers,)``, and their derivatives,
+            For each guess the differences, ``(numbers,)``, and their derivatives,
             ``(numbers, changes)``.
         """
-        counts = [1 + len(changes) for changes, _ in sets]
-        terms, ends = right_terms(sum(counts)), np.cumsum(counts)
-        for (changes, values), count, end in zip(sets, counts, ends, strict=True):
-            moved = np.vstack([np.zeros(len(values)), _DIFFERENCE * np.eye(len(values))])
-            for change, value in zip(changes, (values + moved).T, strict=True):
-                for name in change:
-                    terms[name][end - count : end] = value
-        states = self._motion(terms, samples)
+        moved = [
+            guess._replace(values=np.add(guess.values, step))
+            for guess in guesses
+            for step in _DIFFERENCE * np.eye(1 + len(guess.values), len(guess.values), -1)
+        ]
+        ends = np.cumsum([1 + len(guess.changes) for guess in guesses])
+        states = self._motion(terms_of(moved), samples)
         weights, target = self._weights[:samples], self._target[:samples]
         apart = weights * (states.reshape(len(states), samples, -1) - target)
         apart = np.where(weights > 0.0, apart, 0.0).reshape(len(states), -1)
@@ -147,23 +184,24 @@ class Fitting:
         ]
 
     def fits(
-        self, sets: Sequence[Valued], samples: int, iterations: int = _MOST_ITERATIONS
+        self, starts: Sequence[Guess], samples: int, iterations: int = _MOST_ITERATIONS
     ) -> list[Fit]:
-        """Fits of sets of changes, from these values on, to the first samples."""
-        fits = [Fit(*each) for each in sets]
+        """Fits to the first samples."""
+        fits = [Fit(start) for start in starts]
         with np.errstate(all="ignore"):  # Ropes that blow up.
             for _ in range(iterations):
                 going = [fit for fit in fits if not fit.done]
                 if not going:
                     break
-                found = self._differences([(fit.changes, fit.tried) for fit in going], samples)
+                tried = [Guess(fit.changes, (*fit.tried.tolist(),)) for fit in going]
+                found = self._differences(tried, samples)
                 for fit, (apart, slopes) in zip(going, found, strict=True):
                     fit.take(apart, slopes)
         return [fit for fit in fits if fit.is_finite]
 
     def refined(self, fits: Sequence[Fit]) -> list[Fit]:
         """Fits to all samples, from those that are near."""
-        return self.fits([(fit.changes, fit.values) for fit in fits], self._samples)
+        return self.fits([fit.guess for fit in fits], self._samples)
 
     def explaining(
         self,
@@ -185,11 +223,11 @@ class Fitting:
             All fits with one change, then those with two, and so on.
         """
         first = max(self._samples // 3, 1)
-        ((right, _),) = self._differences([((), np.zeros(0))], first)
+        ((right, _),) = self._differences([Guess()], first)
         most = max(_NEARLY, _LEFT * float(np.max(np.abs(right))))
         for count in counts:
-            sets = [
-                (some, np.array(start))
+            starts = [
+                Guess(some, start)
                 for some in itertools.combinations(changes, count)
                 if count == 1 or all(change != ("all",) for change in some)
                 # From several values only where a change is made alone.
@@ -200,6 +238,6 @@ class Fitting:
                     )
                 )
             ]
-            near = [fit for fit in self.fits(sets, first, iterations) if fit.misfit <= most]
+            near = [fit for fit in self.fits(starts, first, iterations) if fit.misfit <= most]
             near = sorted(near, key=lambda fit: fit.misfit)[:_MOST_NEAR]
             yield [*{fit.changes: fit for fit in self.refined(near) if fit.explains}.values()]

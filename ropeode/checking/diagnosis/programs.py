@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ropeode.checking.diagnosis.fitted_terms import Change, Fit, Fitting, Valued
+from ropeode.checking.diagnosis.fitted_terms import Change, Fitting, Guess, terms_of
 from ropeode.checking.diagnosis.methods import (
     METHODS,
     MISTAKEN,
@@ -108,6 +108,9 @@ _IN_PAIRS = (
     *("gravity", "spring", "rest", "first_ends", "second_ends", "damping", "further", "dashpot"),
     *("per_spring", "forces", "kept", "velocity"),
 )
+
+
+_RIGHT = Guess()
 
 
 class Unforced(NamedTuple):
@@ -306,80 +309,37 @@ class _Run:
             uncertainty,
         )
 
-    def fitted(self, method: Method, guesses: Sequence[_Guess], counts: np.ndarray) -> list[_Guess]:
+    def fitted(self, method: Method, guesses: Sequence[Guess], counts: np.ndarray) -> list[Guess]:
         """The guesses with the values that give the first frame, as far as any does."""
-        sets = [guess.valued for guess in guesses if guess.changes]
-        fits = self.fitting(method, counts).fits(sets, 1, _ITERATIONS)
-        return [*(each for each in guesses if not each.changes), *map(_Guess.fitted, fits)]
+        starts = [guess for guess in guesses if guess.changes]
+        fits = self.fitting(method, counts).fits(starts, 1, _ITERATIONS)
+        return [*(each for each in guesses if not each.changes), *(fit.guess for fit in fits)]
 
     def agreeing(
-        self, method: Method, guesses: Sequence[_Guess], counts: np.ndarray
-    ) -> list[tuple[_Guess, float]]:
+        self, method: Method, guesses: Sequence[Guess], counts: np.ndarray
+    ) -> list[tuple[Guess, float]]:
         """Guesses that compute all frames, each with its misfit."""
-        found = self._agreeing(method, guesses, counts[:1])
-        return self._agreeing(method, [guess for guess, _ in found], counts) if found else []
-
-    def _agreeing(
-        self, method: Method, guesses: Sequence[_Guess], counts: np.ndarray
-    ) -> list[tuple[_Guess, float]]:
-        """The same of the frames that are counted."""
-        terms = _terms([_RIGHT, *guesses])
-        apart = self.misfits(self.motion(method, terms, counts))
-        largest = np.max(np.abs(apart), axis=1)
-        allowed = np.full(len(largest), self.same)
-        if np.any((largest > self.same) & (largest <= _LARGEST)):
-            # An unstable program makes much of the last bit, in which two right ones may differ.
-            shaken = self.misfits(self.motion(method, terms, counts, shaken=_LAST_BITS))
-            by_rounding = np.max(np.abs(shaken - apart), axis=1)
-            allowed = np.maximum(self.same, np.minimum(by_rounding, _LARGEST))
-        allowed[1:] = [
-            min(most, _LEFT * largest[0]) if guess.values else most
-            for guess, most in zip(guesses, allowed[1:], strict=True)
-        ]
-        rows = zip(guesses, largest[1:].tolist(), allowed[1:].tolist(), strict=True)
-        return [(guess, misfit) for guess, misfit, most in rows if misfit <= most]
-
-
-class _Guess(NamedTuple):
-    """Changes that may be made, and the values of their terms; or known mistakes in their place."""
-
-    changes: tuple[Change, ...]
-    found: tuple[float, ...] = ()
-    mistakes: tuple[KnownMistake, ...] = ()
-
-    @classmethod
-    def fitted(cls, fit: Fit) -> _Guess:
-        """The changes of a fit."""
-        return cls(fit.changes, (*fit.values.tolist(),))
-
-    @property
-    def valued(self) -> Valued:
-        """The changes, as a fit begins with them."""
-        return self.changes, np.array(self.found)
-
-    @property
-    def values(self) -> dict[str, Any]:
-        """Of the changed terms."""
-        pairs = zip(self.changes, self.found, strict=True)
-        values: dict[str, Any] = {name: value for change, value in pairs for name in change}
-        for mistake in self.mistakes:
-            for name, value in mistake.values.items():
-                values[name] = values.get(name, 1.0) * value
-        return values
-
-
-_RIGHT = _Guess(())
-
-
-def _terms(guesses: Sequence[_Guess]) -> Terms:
-    """The terms of a copy of a program for each guess."""
-    terms = right_terms(len(guesses))
-    for copy, guess in enumerate(guesses):
-        for name, value in guess.values.items():
-            if np.ndim(value) > terms[name].ndim - 1:
-                terms[name] = np.repeat(terms[name][:, None], np.size(value), axis=1)
-            terms[name][copy] = value
-    return terms
+        found = [(guess, 0.0) for guess in guesses]
+        # The first frame excludes most.
+        for frames in (counts[:1], counts):
+            if not found:
+                break
+            guesses = [guess for guess, _ in found]
+            terms = terms_of([_RIGHT, *guesses])
+            apart = self.misfits(self.motion(method, terms, frames))
+            right, *misfits = np.max(np.abs(apart), axis=1).tolist()
+            allowed = np.full(len(misfits), self.same)
+            if any(self.same < each <= _LARGEST for each in (right, *misfits)):
+                # An unstable program makes much of the last bit, in which right ones may differ.
+                shaken = self.misfits(self.motion(method, terms, frames, shaken=_LAST_BITS))
+                by_rounding = np.max(np.abs(shaken - apart), axis=1)[1:]
+                allowed = np.maximum(self.same, np.minimum(by_rounding, _LARGEST))
+            found = [
+                (guess, misfit)
+                for guess, misfit, most in zip(guesses, misfits, allowed, strict=True)
+                if misfit <= (most if guess == _RIGHT else min(most, _LEFT * right))
+            ]
+        return found
 
 
 def _restored(x: np.ndarray, args: Any) -> np.ndarray:
@@ -437,16 +397,16 @@ def programs_of(
     longer = longer if len(longer) >= _FEWEST_RUNS else []
     right, changed = [_RIGHT], [_RIGHT]
     every = known_mistakes(problem.args) if rope else []
-    single = [_Guess((), mistakes=(each,)) for each in every]
+    single = [Guess(mistakes=(each,)) for each in every]
     mistakes = [each for each in single if each.mistakes[0].number is None]
-    both = [_Guess((), mistakes=each) for each in itertools.combinations(every, 2)]
+    both = [Guess(mistakes=each) for each in itertools.combinations(every, 2)]
     own = {*TERMS} - (_OF_SPRINGS if kind == "rigid links" else set()) if rope else _OF_ANY
     if not np.any(problem.y0[1]):
         own = own - {"velocity"}
     for terms in CHANGES:
         # The forces of any problem are known as a whole.
         if own >= {*terms} and (rope or terms != ("old_forces",)):
-            changed += [_Guess((terms,), (start,)) for start in TERMS[terms[0]].starts]
+            changed += [Guess((terms,), (start,)) for start in TERMS[terms[0]].starts]
     unlikely = "further" if rope and np.any(problem.args.damping) else "damping"
     in_pairs = [(name,) for name in _IN_PAIRS if name in own - {unlikely}]
     methods = METHODS[kind]
@@ -538,7 +498,7 @@ def unforced_nodes(problem: Problem, runs: Runs, truth: np.ndarray) -> Unforced:
 
 def _programs(
     method: Method,
-    guesses: Sequence[_Guess],
+    guesses: Sequence[Guess],
     runs: Sequence[_Run],
     clock: Callable[[_Run], np.ndarray],
 ) -> list[Program]:
@@ -562,7 +522,7 @@ def _programs(
         return []
     first = runs[0].agreeing(method, runs[0].fitted(method, guesses, counts[0]), counts[0])
     # The first start from which a change is found is enough.
-    different: dict[tuple, tuple[_Guess, float]] = {}
+    different: dict[tuple, tuple[Guess, float]] = {}
     for guess, misfit in first:
         said = ((each.kind, each.words) for each in guess.mistakes)
         different.setdefault((guess.changes, *said), (guess, misfit))
@@ -576,18 +536,18 @@ def _programs(
 
 
 def _followed(
-    method: Method, guess: _Guess, runs: Sequence[_Run], counts: Sequence[np.ndarray]
+    method: Method, guess: Guess, runs: Sequence[_Run], counts: Sequence[np.ndarray]
 ) -> tuple[Changed, ...] | None:
     """The values of a guess at each step size; None if it does not compute all runs."""
     guesses = [guess]
     for run, before, count in zip(runs[1:], runs, counts[1:], strict=False):
         starts = [guesses[-1]]
         if len(guess.changes) == 1:
-            (change,), (value,), ratio = guess.changes, guesses[-1].found, run.dt / before.dt
+            (change,), (value,), ratio = guess.changes, guesses[-1].values, run.dt / before.dt
             expected = TERMS[change[0]].expected
             off = value - expected
             starts += [
-                guess._replace(found=(start,))
+                guess._replace(values=(start,))
                 for start in (
                     *(expected + off * r for r in (ratio, 1.0 / ratio)),
                     *(value * ratio, value / ratio),
@@ -603,7 +563,7 @@ def _followed(
     dts = [run.dt for run in runs]
     return tuple(
         Changed(change, dict(zip(dts, values, strict=True)))
-        for change, *values in zip(guess.changes, *(each.found for each in guesses), strict=True)
+        for change, *values in zip(guess.changes, *(each.values for each in guesses), strict=True)
     )
 
 
@@ -622,7 +582,7 @@ def _with_two_changes(
     runs = [base, *(run for run in runs if run is not base)]
     fitting = base.fitting(method, base.by_number())
     (pairs,) = fitting.explaining(changes, (2,), _ITERATIONS)
-    return _programs(method, [_Guess.fitted(fit) for fit in pairs], runs, _Run.by_number)
+    return _programs(method, [fit.guess for fit in pairs], runs, _Run.by_number)
 
 
 def _in_single(method: Method, runs: Sequence[_Run]) -> list[Program]:
