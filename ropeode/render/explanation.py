@@ -12,7 +12,7 @@ from ropeode.problems import Problem
 from ropeode.render import table_words
 from ropeode.render.markup import Block, Grid, Heading, Paragraph, Section
 from ropeode.render.results import blocks, line, rows
-from ropeode.study import ClassOrder, Explanation, LocalQuantity, LocalStep, Part
+from ropeode.study import ClassOrder, Explanation, LocalStep, Part
 from ropeode.theory import (
     SOLVES_ANOTHER,
     LinearStability,
@@ -120,50 +120,38 @@ def _step_words(local: LocalStep) -> list[str]:
 
 def _identity_words(local: LocalStep) -> str:
     if local.order != -1:
-        return f"At dt = 0 the step is the identity, to {_bound(local, 'identity')}."
+        return "At dt = 0 the step is the identity."
+    words = "At dt = 0 the step is not the identity"
     if local.wrong is not None:
-        said = local.wrong.line.removeprefix("at dt = 0 ")
-        return f"At dt = 0 the step is not the identity. {_sentence(said)}"
+        return f"{words}. {_sentence(local.wrong.line.removeprefix('at dt = 0 '))}"
     changes = listed(
-        f"multiplies {_PLURAL[each.quantity]} by {1.0 + each.identity.factor:.7g}"
-        if each.identity.factor is not None
-        else f"changes {_by_up_to(each, each.identity)}"
+        f"changes {_PLURAL[each.quantity]}"
+        if each.identity.factor is None
+        else f"multiplies {_PLURAL[each.quantity]} by {1.0 + each.identity.factor:.7g}"
         for each in local.quantities
         if each.identity.known
     )
     return (
-        f"At dt = 0 the step is not the identity: it {changes}. It does so at every step, "
-        "however short, and so it solves no differential equation."
+        f"{words}: it {changes}. It does so at every step, however short, and so it solves no "
+        "differential equation."
     )
 
 
 def _rate_words(local: LocalStep) -> str:
     if local.order != 0:
-        return f"Its rate of change there is the right-hand side f, to {_bound(local, 'rate')}."
-    off = listed(_by_up_to(each, each.rate) for each in local.quantities if each.rate.known)
+        return "Its rate of change there is the right-hand side f."
+    off = listed(_PLURAL[each.quantity] for each in local.quantities if each.rate.known)
+    cause = "No change of the problem's own terms or parameters makes up the difference."
+    if local.wrong is not None:
+        cause = _sentence(local.wrong.line.removeprefix(SOLVES_ANOTHER))
     return (
         "It solves another equation: at dt = 0 its rate of change differs from the right-hand "
-        f"side f, in {off}." + _equation_words(local)
+        f"side f, in {off}. {cause}"
     )
-
-
-def _equation_words(local: LocalStep) -> str:
-    if local.wrong is None:
-        return " No change of the problem's own terms or parameters makes up the difference."
-    return f" {_sentence(local.wrong.line.removeprefix(SOLVES_ANOTHER))}"
 
 
 def _sentence(words: str) -> str:
     return f"{words[0].upper()}{words[1:]}."
-
-
-def _by_up_to(each: LocalQuantity, part: Part) -> str:
-    return f"{_PLURAL[each.quantity]} by up to {part.largest:.4g}"
-
-
-def _bound(local: LocalStep, name: str) -> str:
-    parts = [getattr(each, name) for each in local.quantities]
-    return f"{max(max(part.largest, part.error) for part in parts):.1g}"
 
 
 def _order_words(local: LocalStep) -> list[str]:
@@ -171,21 +159,14 @@ def _order_words(local: LocalStep) -> list[str]:
         return [f"Rounding hides its error: the order is {local.at_least} or higher."]
     if local.order < 1:
         return []
-    words = [
-        f"The error of a step begins with dt^{local.order + 1}: the step is of order {local.order}."
+    if local.later is None:
+        begins = f"The error of a step begins with dt^{local.order + 1}"
+        return [f"{begins}: the step is of order {local.order}."]
+    return [
+        f"Its start leaves an error of dt^{local.order}, which the steps that follow carry on: so "
+        f"runs are of order {local.order}. These steps are of order {local.later} or higher by "
+        "themselves."
     ]
-    if local.later is not None:
-        words = [
-            f"Its start leaves an error of dt^{local.order}, which the steps that follow carry on: "
-            f"so runs are of order {local.order}. These steps are of order {local.later} or higher "
-            "by themselves."
-        ]
-    better = [each for each in local.quantities if each.order is None or each.order > local.order]
-    for each in better:
-        verb = "is" if each.quantity == "state" else "are"
-        order = f"{each.at_least} or higher" if each.order is None else str(each.order)
-        words.append(f"{_PLURAL[each.quantity].capitalize()} alone {verb} of order {order}.")
-    return words
 
 
 def _local_grid(explanation: Explanation) -> Grid:
