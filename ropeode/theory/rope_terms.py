@@ -77,38 +77,22 @@ class Motion(NamedTuple):
 
 def own_terms(motion: Motion, node: int) -> list[RopeTerm]:
     """The terms whose sum is the acceleration of a free node, as far as they are not zero."""
-    args, dim = motion.args, motion.x.shape[2]
-    mass = args.mass[node]
-    axes = np.eye(dim)
-    along = [
-        RopeTerm(
-            "gravity",
-            TermPlace(args, node, axis),
-            args.gravity.ravel()[axis] * _constant(motion, axes[axis]),
-        )
-        for axis in range(dim)
-    ]
+    args, mass, v = motion.args, motion.args.mass[node], motion.v[:, node]
+    pushes = {"gravity": args.gravity.ravel() * np.ones(v.shape)}
     if hasattr(args, "drive"):
-        swing = np.cos(args.frequency * motion.t)[:, None]
-        along += [
-            RopeTerm("drive", TermPlace(args, node, axis), args.drive[axis] * swing * axes[axis])
-            for axis in range(dim)
-        ]
+        pushes["drive"] = args.drive * np.cos(args.frequency * motion.t)[:, None]
+    terms = [
+        RopeTerm(kind, TermPlace(args, node, axis), push * along)
+        for kind, push in pushes.items()
+        for axis, along in enumerate(np.eye(v.shape[1]))
+    ]
     for spring, d, _ in motion.springs(node):
-        stiffness, rest = args.stiffness[spring] / mass, args.rest_length[spring]
-        place = TermPlace(args, node, spring)
-        along.append(RopeTerm("spring", place, stiffness * d))
-        along.append(RopeTerm("rest", place, -stiffness * rest * d / _length(d)))
-    along.append(
-        RopeTerm(
-            "damping", TermPlace(args, node, node), -args.damping[node] / mass * motion.v[:, node]
-        )
-    )
-    return [term for term in along if np.any(term.values)]
-
-
-def _constant(motion: Motion, vector: np.ndarray) -> np.ndarray:
-    return np.broadcast_to(vector, (len(motion.t), len(vector)))
+        place, pull = TermPlace(args, node, spring), args.stiffness[spring] / mass * d
+        terms.append(RopeTerm("spring", place, pull))
+        terms.append(RopeTerm("rest", place, -args.rest_length[spring] / _length(d) * pull))
+    damping = -args.damping[node] / mass * v
+    terms.append(RopeTerm("damping", TermPlace(args, node, node), damping))
+    return [term for term in terms if np.any(term.values)]
 
 
 def _length(d: np.ndarray) -> np.ndarray:
@@ -332,7 +316,9 @@ OTHER_LAWS: dict[str, OtherLaw] = {
     NOT_JOINED: OtherLaw(tuple(_to_node(other, power) for other in range(5) for power in (0, 1))),
     CONSTANT: OtherLaw(
         tuple(
-            lambda motion, node, axis=axis: _constant(motion, np.eye(3)[axis, : motion.x.shape[2]])
+            lambda motion, node, axis=axis: np.broadcast_to(
+                np.eye(3)[axis, : motion.x.shape[2]], motion.x[:, node].shape
+            )
             for axis in range(3)
         )
     ),
