@@ -26,6 +26,8 @@ from ropeode.validation import shown
 
 # Places beyond the first so many, and arrays beyond so many bytes, are not looked at.
 _MOST_PLACES, _MOST_BYTES = 1000, 2**26
+# Types of numbers that are no float64, and would be taken for ones.
+TOO_COARSE = ("float32", "float16", "bfloat16", "complex64")
 # A message names so many changes.
 _MOST_NAMED = 3
 _PLAIN = (type(None), bool, int, float, complex, str, bytes, np.generic)
@@ -93,6 +95,14 @@ class Memory:
                     found.append(_line(f"{place.name}{path}", was, has))
         return found[:_MOST_NAMED]
 
+    def coarse(self) -> list[str]:
+        """Numbers with fewer digits than float64, as in ``closure variable `a` in float32``."""
+        return [
+            f"{_called(place.name)} in {then.dtype}"
+            for place, then in zip(self._places, self._then, strict=True)
+            if isinstance(then, np.ndarray | np.generic) and str(then.dtype) in TOO_COARSE
+        ]
+
     def _changed(self) -> Iterator[tuple[_Place, Any, Any]]:
         for place, then in zip(self._places, self._then, strict=True):
             if not _same(then, place.look()):
@@ -100,8 +110,12 @@ class Memory:
 
 
 def _line(name: str, was: Any, has: Any) -> str:
+    return f"{_called(name)}: {_words(was)} -> {_words(has)}"
+
+
+def _called(name: str) -> str:
     kind, path = name.split(" ", 1)
-    return f"{kind.replace('-', ' ')} `{path}`: {_words(was)} -> {_words(has)}"
+    return f"{kind.replace('-', ' ')} `{path}`"
 
 
 def _words(value: Any) -> str:

@@ -23,6 +23,7 @@ from ropeode.problems.numpy_tracing import with_numpy
 from ropeode.problems.python_rhs import MOST_CALLS, PythonRhs, python_rhs
 from ropeode.problems.signatures import check_signature, required
 from ropeode.problems.state_structure import is_tree
+from ropeode.problems.traced import too_coarse
 from ropeode.validation import bad_value, check_all, check_whole
 
 # A traced function must agree with itself in NumPy so closely, relative to its largest component:
@@ -112,6 +113,8 @@ def scipy_form(
     rhs: Any = own
     ways = itertools.product(((free, bound), (None, given)), (_as_it_is, with_numpy))
     memory = Memory(fun, bound)
+    if coarse := memory.coarse():
+        raise too_coarse("rhs", coarse[0])
     for (rest, fixed), call in ways:
         tried = _in_jax(fun, fixed, call)
         agrees = _agrees(tried, rest, probes, expected)

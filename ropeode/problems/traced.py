@@ -16,6 +16,7 @@ from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, jaxpr_as_fun
 from ropeode.errors import call_user_code
 from ropeode.precision import in_float64, rhs_in_float64
 from ropeode.problems.changing import Changing
+from ropeode.problems.memory import TOO_COARSE
 from ropeode.problems.nested_jaxprs import equations, evaluated
 from ropeode.validation import bad_value
 
@@ -25,7 +26,6 @@ _OWN_REVERSE = "custom_vjp_call"
 _CALLBACKS = ("pure_callback", "io_callback")
 # Their functions are there for derivatives, and say nothing of the values.
 _WITH_DERIVATIVES = ("custom_jvp_call", "custom_vjp_call", "custom_vjp_call_jaxpr")
-_TOO_COARSE = ("float32", "float16", "bfloat16", "complex64")
 # A float32 has 24 bits. A number with so few as this may well be what was meant.
 _PLAIN_BITS = 16
 _OWN = os.path.dirname(os.path.dirname(__file__)) + os.sep
@@ -186,18 +186,18 @@ def _require_float64(name: str, traced: ClosedJaxpr) -> None:
     InputError: a number in it has fewer digits than float64.
     """
     for variable, constant in zip(traced.jaxpr.constvars, traced.consts, strict=True):
-        if str(variable.aval.dtype) in _TOO_COARSE:
-            raise _too_coarse(name, f"the constant {np.asarray(constant)!r}")
+        if str(variable.aval.dtype) in TOO_COARSE:
+            raise too_coarse(name, f"the constant {np.asarray(constant)!r}")
     for equation in equations(traced):
         for variable in (*equation.invars, *equation.outvars):
             dtype = str(getattr(variable.aval, "dtype", ""))
-            if dtype in _TOO_COARSE:
+            if dtype in TOO_COARSE:
                 what = f"{equation.primitive.name!r} in {dtype}"
-                raise _too_coarse(name, what + _place(equation))
+                raise too_coarse(name, what + _place(equation))
             if isinstance(variable, Literal) and dtype == "float64" and was_float32(variable.val):
                 value = float(variable.val)
                 what = f"the constant {np.float32(value)!s} in float32, which is {value!r},"
-                raise _too_coarse(name, what + _place(equation))
+                raise too_coarse(name, what + _place(equation))
 
 
 def was_float32(value: Any) -> bool:
@@ -214,13 +214,15 @@ def was_float32(value: Any) -> bool:
     return bool(bits) and float(str(np.float32(value))) != value
 
 
-def _too_coarse(name: str, what: str) -> Exception:
+def too_coarse(name: str, what: str) -> Exception:
+    """The error that something has fewer digits than float64."""
     return bad_value(
         name,
         _Words(what),
         "numbers in float64",
-        "write the number in Python or NumPy (np.array([0.1])), drop the cast, and make arrays of "
-        "JAX inside the function; outside of float64 mode they are float32",
+        "write the number in Python or NumPy (np.array([0.1])), convert arrays before the function "
+        "is made (np.asarray(table, dtype=float)), drop casts, and make arrays of JAX inside the "
+        "function; outside of float64 mode they are float32",
     )
 
 

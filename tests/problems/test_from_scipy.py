@@ -298,6 +298,9 @@ def solves(problem, **asked):
     return lambda: reference(problem, **asked)
 
 
+TIMES, TABLE = [0.0, 1.0], np.float32([0.1, 0.2])
+
+
 def ivp(function, span=(0.0, 1.0), y0=(1.0, 0.0), **more):
     return lambda: Problem.from_scipy(function, span, y0, **more)
 
@@ -311,6 +314,10 @@ def ivp(function, span=(0.0, 1.0), y0=(1.0, 0.0), **more):
         (ivp(lambda t, y: y[:1]), r"shape \(1,\) at t = 0, .*; allowed: .* \(2,\)"),
         (ivp(lambda t, y: None), "it returned None .* with `return`"),
         (ivp(lambda t, y: y.astype(np.float32)), "type float32 at t = 0, .*; allowed: float64"),
+        (
+            ivp(lambda t, y: np.interp(t, TIMES, TABLE) - y),
+            "rhs: .*global variable `TABLE`.* float64",
+        ),
         (ivp(lambda t, y: y / 0.0 if t == 0 else y), "finite numbers at the initial state"),
         (ivp(lambda y, t: y), r"order of odeint; .* `lambda t, y, \*args: fun\(y, t, \*args\)`"),
         (ivp(lambda t, y, k: y), r"a function of \(t, y, k\) given; .* \(k\): args=\(\.\.\.,\)"),
