@@ -83,20 +83,12 @@ def _as_rope(args: CheckArgs) -> RopeArgs:
     )
 
 
+# What a check rope has unless something else is said.
+_USUAL = CheckArgs(1.0, 4.0, 1.0, 1.0, gravity=0.0, damping=0.0, drive=0.0, frequency=0.0)
+
+
 def check_rope(
-    name: str,
-    x0: Any,
-    ts: ArrayLike,
-    *,
-    v0: Any = 0.0,
-    mass: Any = 1.0,
-    stiffness: Any = 4.0,
-    rest_length: Any = 1.0,
-    pinned: Sequence[int] = (0,),
-    gravity: Any = (0.0, 0.0, 0.0),
-    damping: Any = 0.0,
-    drive: Any = (0.0, 0.0, 0.0),
-    frequency: float = 0.0,
+    name: str, x0: Any, ts: ArrayLike, *, v0: Any = 0.0, pinned: Sequence[int] = (0,), **args: Any
 ) -> Problem:
     """A rope of the family.
 
@@ -105,22 +97,16 @@ def check_rope(
         x0: initial positions, ``(NODES, DIM)``.
         ts: sample times.
         v0: initial velocities, broadcast to the shape of `x0`; those of pinned nodes are ignored.
-        mass: as in `CheckArgs`, like all that follow; a single number applies to all nodes or
-            springs.
-        stiffness: of the springs.
-        rest_length: of the springs.
         pinned: indices of the nodes that do not move.
-        gravity: acceleration.
-        damping: coefficients.
-        drive: amplitude.
-        frequency: of the drive.
+        args: fields of `CheckArgs` that are not the usual ones; a single number applies to all
+            nodes or springs.
     """
     free = np.ones(NODES)
     free[list(pinned)] = 0.0
-    given = CheckArgs(mass, stiffness, rest_length, free, gravity, damping, drive, frequency)
-    args = CheckArgs(*(_filled(*each) for each in zip(given, _SHAPES, strict=True)))
+    given = _USUAL._replace(free=free, **args)
+    numbers = CheckArgs(*(_filled(*each) for each in zip(given, _SHAPES, strict=True)))
     y0 = np.stack([_filled(x0, (NODES, DIM)), _filled(v0, (NODES, DIM)) * free[:, None]])
-    return _family().changed(y0=y0, ts=np.asarray(ts, dtype=np.float64), args=args, name=name)
+    return _family().changed(y0=y0, ts=np.asarray(ts, dtype=np.float64), args=numbers, name=name)
 
 
 def _filled(value: Any, shape: tuple[int, ...]) -> np.ndarray:
