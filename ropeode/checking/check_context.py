@@ -201,7 +201,8 @@ class Examination:
 def own_claims(stepper: Stepper) -> Claims:
     """What a stepper declares of itself: a class all its facts, others their order."""
     if _declares_facts(stepper):
-        return Claims(method=stepper.label)
+        # The stepper itself: a user's class has a name that stands in no list.
+        return Claims(method=stepper)  # type: ignore[arg-type]
     return Claims(order=stepper.order(ProblemClass()) or None)
 
 
