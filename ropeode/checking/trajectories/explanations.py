@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import itertools
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,8 +18,8 @@ from ropeode.checking.trajectories.convergence import beginning, order_finding
 from ropeode.checking.trajectories.known_methods import same_method
 from ropeode.checking.trajectories.layout import Written
 from ropeode.checking.trajectories.run_files import Files, Run, finite, opened_files, run_of
-from ropeode.checking.trajectories.time_errors import RUNS, explains
-from ropeode.errors import InputError
+from ropeode.checking.trajectories.time_errors import RUNS, explains, late_samples
+from ropeode.errors import InputError, ReferenceRefused
 from ropeode.norms import NORMS
 from ropeode.references import Reference
 from ropeode.validation import complaint
@@ -25,6 +27,10 @@ from ropeode.validation import complaint
 # Where the step sizes show no order, the errors of the finest run must be tiny, as a part of the
 # motion; or small, and at most this part of those of the coarsest.
 _VERY_SMALL, _SMALL, _FALLEN = 1e-3, 0.1, 0.5
+# How far off, as a part of the problem's size, a first sample in single precision is.
+_SINGLE = 4.0 * float(np.finfo(np.float32).eps)
+# Nodes in a row of which a distance can be told; and the number of the first, as people count.
+_FEWEST_NODES, _FIRSTS = 3, (0.0, 1.0, 0.5)
 _TINY = float(np.finfo(np.float64).tiny)
 
 
@@ -60,7 +66,60 @@ def explain_columns(
     return None
 
 
-def explain_start(runs: Sequence[Run]) -> tuple[str, str] | None:
+def why_start(
+    certified: Callable[[], Reference], files: Files, runs: Sequence[Run]
+) -> tuple[str, str] | None:
+    """What explains that runs do not begin with the initial state, and how to mend it.
+
+    Arguments:
+        certified: makes the reference, which shows whether files are right but for one mistake.
+        files: of the runs.
+        runs: from coarse to fine.
+    """
+    if all(np.all(run.values == run.values[0]) for run in runs):
+        fix = "write a copy of the state, not the array that the next step overwrites"
+        return "all rows of a file are the same", fix
+    if all(np.all(run.first_errors <= _SINGLE * run.problem.scale) for run in runs):
+        return "it is right in single precision", "compute it in double precision"
+    if (placed := _misplaced_nodes(runs)) is not None:
+        return placed
+    with contextlib.suppress(ReferenceRefused):
+        if (explanation := explain(certified, files, runs)) is not None:
+            return explanation.line, explanation.fix
+        if (late := late_samples(certified(), runs)) is not None:
+            return late.line, late.remedy
+    return _explain_start(runs)
+
+
+def _misplaced_nodes(runs: Sequence[Run]) -> tuple[str, str] | None:
+    """Nodes in a row at wrong equal distances, as where their number is taken for that of gaps.
+
+    Returns:
+        The mistake, and how to mend it.
+    """
+    dim, nodes = runs[0].layout.dim, runs[0].layout.nodes
+    right = runs[0].initial[:, :dim]
+    places, way = np.arange(nodes)[:, None], right[-1] - right[0]
+    evenly = right[0] + way * places / max(nodes - 1, 1)
+    if nodes < _FEWEST_NODES or np.any(np.abs(right - evenly) > runs[0].allowed_first_errors[:dim]):
+        return None
+    for first, gaps in itertools.product(_FIRSTS, (nodes, nodes + 1, nodes - 1, nodes - 2)):
+        off = right[0] + way * (places + first) / gaps - right
+        if np.any(off) and all(
+            np.all(np.abs(run.values[0, :, :dim] - right - off) <= run.allowed_first_errors[:dim])
+            and run.begins(slice(dim, None))
+            for run in runs
+        ):
+            i = f"(i + {first:g})" if first else "i"
+            return (
+                f"the nodes are placed at {i}/{gaps} of the way in place of i/{nodes - 1}: "
+                f"{nodes} nodes have {nodes - 1} gaps",
+                "place node i at start + (end - start) * i / (num_nodes - 1)",
+            )
+    return None
+
+
+def _explain_start(runs: Sequence[Run]) -> tuple[str, str] | None:
     """The simplest mistake in the columns of the first samples, without which these are right.
 
     Whether it is in all rows remains open: runs may be too coarse, or wrong otherwise.
