@@ -19,7 +19,7 @@ _DIFFERENCE = 1e-6
 _FIRST_DAMPING, _SMALLER, _AS_PROMISED, _LARGER, _MOST_ITERATIONS = 1e-2, 10.0, 0.7, 4.0, 30
 # A step this small beside the changes ends a fit; so does one that leaves most of a cost that is
 # large, according to the slopes, and so do so many steps that together leave so much of it.
-_SMALL_STEP, _MOST_OF_IT, _PATIENCE = 1e-11, 0.9, 8
+_SMALL_STEP, _MOST_OF_IT, _PATIENCE = 2e-12, 0.9, 8
 # The most terms that are changed together.
 _MOST_CHANGES = 3
 # All samples are taken for sets that leave so few units of uncertainty of the first samples, or so
