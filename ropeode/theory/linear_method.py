@@ -76,6 +76,10 @@ class LinearEquation:
     args: Callable[..., Rate | Spring]
     powers: tuple[int, ...]
 
+    def __reduce__(self) -> str:
+        # It has functions without names, and is found by its own: there are only these two.
+        return "FIRST_ORDER" if self is FIRST_ORDER else "OSCILLATOR"
+
     @functools.cached_property
     def problem(self) -> Problem:
         """With some `args`."""
@@ -133,12 +137,17 @@ class LinearMethod:
     """
 
     def __init__(self, equation: LinearEquation, method: Method):
-        self.equation, self.problem = equation, equation.problem
+        self.equation = equation
         self.size = self.problem.y0.size
         self.is_one_step, self.is_together = True, False
         self._method = dataclasses.replace(method, stepper=method.stepper.on(None))
         self._beginning = 1
         self.is_compiled = method.trial.compiled
+
+    @property
+    def problem(self) -> Problem:
+        """That of its equation."""
+        return self.equation.problem
 
     def settle(self, args: np.ndarray) -> bool:
         """Find out whether memory counts, from generic cases, ``(cases, numbers)``.
