@@ -350,7 +350,7 @@ def _with_law(faults: list[Fault], name: str, factors: list[Factor]) -> list[Fau
         factors: its coefficients at all places.
     """
     law = OTHER_LAWS[name]
-    remedy = f"leave out {name}"
+    remedy = f"leave out the {name.removeprefix('a ')}"
     found = _multiples(factors, not law.of_springs)
     if found is None:
         # Between nodes that no spring joins, each pair has a force of its own.

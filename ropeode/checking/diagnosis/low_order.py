@@ -106,8 +106,7 @@ def _in_words(found: dict[str, dict[str, float]]) -> Diagnosis | None:
         cause, mended = _ALONE[wrong]
         parts.append("all else is right")
     remedies = [*([] if right_positions else [_OF_POSITIONS]), *([mended] if wrong else [])]
-    line = f"the step is of order 1: {'; '.join(parts)}"
-    return Diagnosis(cause, line, evidence, "; ".join(remedies))
+    return Diagnosis(cause, "; ".join(parts), evidence, "; ".join(remedies))
 
 
 def _of_positions(x: dict[str, float]) -> str:
