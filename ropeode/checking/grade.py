@@ -256,9 +256,7 @@ class _Causes:
             return self.program
         states = [(run.dt, run.states) for run in self.known]
         with np.errstate(all="ignore"):  # Runs that blew up have huge numbers.
-            (solved,) = diagnose_trajectories(
-                reference.problem, reference, states, self.known[0].quantities
-            )
+            solved = diagnose_trajectories(reference, states, self.known[0].quantities)
         if solved.cause == "unknown" and not has_rope_forces(reference.problem):
             # Of ropes the methods have been tried already.
             same = same_method(reference, self.known)

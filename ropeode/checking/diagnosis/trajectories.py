@@ -51,39 +51,32 @@ _SAME = 1e-9
 
 
 @in_float64
-def diagnose_trajectories(
-    problem: Problem,
-    reference: Reference,
-    runs: Runs,
-    quantities: Sequence[str],
-) -> tuple[Diagnosis, ...]:
+def diagnose_trajectories(reference: Reference, runs: Runs, quantities: Sequence[str]) -> Diagnosis:
     """Find what runs of a problem solve instead of it.
 
     The program cannot be run again. So terms of the forces are fitted to the first two thirds of
     what the runs tend to, and the rest must confirm them.
 
     Arguments:
-        problem: the problem that the program should solve.
-        reference: of the problem.
+        reference: of the problem that the program should solve.
         runs: step size and states ``(times, *state)`` of each; not-a-number from where it
             diverged.
         quantities: of the problem, that the runs have; the numbers of others do not count.
 
     Returns:
-        One diagnosis; `unknown` if no change of terms explains the runs.
+        `unknown` if no change of terms explains the runs.
     """
+    problem = reference.problem
     if not _moves_as_rope(problem, reference):
-        return (_unknown("the problem has no parameters that could be fitted"),)
+        return _unknown("the problem has no parameters that could be fitted")
     for frames in range(min(problem.frames, _MOST_FRAMES, reference.trusted - 1), 0, -1):
         part = problem.changed(ts=problem.ts[: frames + 1], exact=None)
         limit = _observed([(dt, states[: frames + 1]) for dt, states in runs], part, quantities)
         if limit is not None:
-            return (_diagnose_limit(limit, frames, reference),)
-    return (
-        _unknown(
-            "the runs do not tend to any limit with an integer order as dt goes to 0 (at least "
-            "three step sizes are needed)"
-        ),
+            return _diagnose_limit(limit, frames, reference)
+    return _unknown(
+        "the runs do not tend to any limit with an integer order as dt goes to 0 (at least three "
+        "step sizes are needed)"
     )
 
 
