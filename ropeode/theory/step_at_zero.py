@@ -10,7 +10,7 @@ import numpy as np
 from ropeode.theory.diagnosis import Diagnosis, Fault
 from ropeode.theory.expansion import Expansion
 from ropeode.theory.projection import projected
-from ropeode.theory.terms import TERMS
+from ropeode.theory.terms import AXES, TERMS
 from ropeode.theory.whereabouts import where_off
 
 # What may be left over, as a part of the state, and how close two numbers must be.
@@ -22,6 +22,8 @@ _UNCERTAIN = 10.0
 _SHORTEST, _MOVES, _BESIDE = 2.0**-14, 2e-3, 2e-4
 _UNCHANGED = "x_new = x + dt * (...), v_new = v + dt * (...): both must be as they were if dt is 0"
 _POSITIONS = "x_new = x + dt * v + dt**2 / 2 * a"
+# More states than these have a number in common not by chance.
+_SOME = 3
 _NO_LIMIT = "so the runs have no limit as dt goes to 0"
 _QUANTITIES, _FIELDS = ("positions", "velocities"), ("position", "velocity", "acceleration")
 
@@ -95,7 +97,8 @@ def diagnose_identity(expansions: Sequence[Expansion]) -> Diagnosis | None:
         else:
             off = [np.max(np.abs(_beside_motion(each)), axis=1) for each in expansions]
             where = where_off(expansions, off, _BESIDE * size)
-            line += f" by up to {evidence['size']:.2g} of its size{where}"
+            becomes = _becomes(expansions, _BESIDE * size)
+            line += f" by up to {evidence['size']:.2g} of its size{where}{becomes}"
         return Diagnosis("identity", f"{line}, {_NO_LIMIT}", evidence, _UNCHANGED)
     parts = np.stack([of_x, of_v]) + np.eye(2, 3)[:, :, None]
     evidence |= dict(zip(_QUANTITIES, map(_means, parts), strict=True))
@@ -213,6 +216,34 @@ def _beside_motion(expansion: Expansion) -> np.ndarray:
     """What the shortest step adds to the states beside their motion, ``(states, *state)``."""
     dt = expansion.ladder.reshape(-1, 1, 1, 1) * _SHORTEST
     return _shortest(expansion) - expansion.y - dt * expansion.slopes
+
+
+def _becomes(expansions: Sequence[Expansion], least: float) -> str:
+    """A clause: which number all states have in common after a step that changes them.
+
+    So they have at a limit, on a floor, or at rest.
+
+    Arguments:
+        expansions: of the step.
+        least: what is a change.
+    """
+    parts = []
+    for each in expansions:
+        free = each.problem.args.free > 0.0
+        parts.append(
+            np.stack([_shortest(each), np.abs(_beside_motion(each)) > least])[..., free, :]
+        )
+    (x, v), (x_off, v_off) = np.moveaxis(np.concatenate(parts, axis=1), 2, 1)
+    numbers = {
+        **{f"the node's {AXES[i]}": (x[..., i], x_off[..., i]) for i in range(x.shape[-1])},
+        "the node's speed": (np.linalg.norm(v, axis=-1), np.any(v_off, axis=-1)),
+        "that component, without its sign,": (np.abs(v), v_off),
+    }
+    for name, (after, off) in numbers.items():
+        values = after[off > 0]
+        if len(values) >= _SOME and np.ptp(values) <= least:
+            return f"; there {name} becomes {np.median(values):.3g}"
+    return ""
 
 
 def _puts_to_rest_lengths(expansions: Sequence[Expansion]) -> bool:
