@@ -218,6 +218,12 @@ def listed(values: Iterable[Any]) -> str:
     return f"{', '.join(first)} and {last}" if first else last
 
 
+def numbered(noun: str, numbers: Iterable[int]) -> str:
+    """Things by their numbers: node 1, nodes 2 and 3."""
+    every = [*numbers]
+    return f"{noun}{'' if len(every) == 1 else 's'} {listed(every)}"
+
+
 def counted(number: int, noun: str) -> str:
     """A number of things: 1 run, 2 runs."""
     return f"{number} {noun}" + ("" if number == 1 else "s")

@@ -29,7 +29,7 @@ from ropeode.theory.rope_terms import (
 from ropeode.theory.step_at_zero import position_faults
 from ropeode.theory.terms import AXES, FACTORS, MISTAKES, TERMS, by_power, mass, times
 from ropeode.theory.whereabouts import where_off
-from ropeode.validation import listed
+from ropeode.validation import listed, numbered
 
 # How the sentence of a diagnosis begins.
 SOLVES_ANOTHER = "at dt = 0 the step solves another equation: "
@@ -424,7 +424,8 @@ def _mistakes_in(factors: Sequence[Factor]) -> list[Fault]:
         factors: of all terms, at all nodes of several ropes.
     """
     still = _nodes_that_stand_still(factors)
-    faults = [Fault(f"node {listed(still)} is held, though it is free")] if still else []
+    held = "is held, though it is free" if len(still) == 1 else "are held, though they are free"
+    faults = [Fault(f"{numbered('node', still)} {held}")] if still else []
     factors = [each for each in factors if each.place.node not in still]
     kinds = {each.kind for each in factors}
     for name, some in _WHOLE if {"spring", "damping"} <= kinds else ():
@@ -527,8 +528,8 @@ def _where(kind: str, wrong: list[Factor]) -> str:
         ends = {each.place.node - each.place.element for each in wrong}
         if len(ends) == 1 and len(springs) > 1:
             return f"at the {'first' if ends == {0} else 'second'} node of each spring"
-        return f"in spring {listed(springs)}, at node {listed(nodes)}"
-    return f"at node {listed(nodes)}"
+        return f"in {numbered('spring', springs)}, at {numbered('node', nodes)}"
+    return f"at {numbered('node', nodes)}"
 
 
 def _times(factor: Factor) -> str:

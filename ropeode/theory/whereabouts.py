@@ -8,7 +8,7 @@ import numpy as np
 
 from ropeode.theory.expansion import Expansion
 from ropeode.theory.terms import AXES, along_axes
-from ropeode.validation import listed
+from ropeode.validation import numbered
 
 # How many states must be on each side of a threshold.
 _SOME = 3
@@ -31,7 +31,7 @@ def where_off(expansions: Sequence[Expansion], sizes: Sequence[np.ndarray], leas
     some = np.concatenate([np.any(each, axis=0) for each in there])
     nodes, at_nodes = sorted(set(of_node[some].tolist())), ""
     if nodes and nodes != sorted(set(of_node.tolist())):
-        at_nodes = f", at node {listed(nodes)} alone"
+        at_nodes = f", at {numbered('node', nodes)} alone"
     # Beyond a threshold some states of a node are off, and others are not.
     if at_nodes and np.array_equal(some, np.concatenate([np.all(each, axis=0) for each in there])):
         return at_nodes

@@ -22,7 +22,7 @@ from ropeode.checking.simple_numbers import shortest
 from ropeode.problems import Problem
 from ropeode.study import problem_class
 from ropeode.theory.terms import FACTORS, TERMS, by_power, known_mistakes, said
-from ropeode.validation import listed
+from ropeode.validation import listed, numbered
 
 # How precisely a number is found, as a part of itself and of the right one.
 _PRECISION = 1e-7
@@ -154,8 +154,8 @@ def _fixed(unforced: Unforced) -> tuple[str, str, str]:
         ),
     ):
         if nodes:
-            who = f"node {nodes[0]} {one}" if len(nodes) == 1 else None
-            words.append(f"{who or f'nodes {listed(map(str, nodes))} {several}'} not pinned")
+            does = one if len(nodes) == 1 else several
+            words.append(f"{numbered('node', nodes)} {does} not pinned")
     return "fixed-node", " and ".join(words), _PINS
 
 

@@ -26,7 +26,7 @@ from ropeode.problems import Problem
 from ropeode.references import Reference
 from ropeode.steppers import as_stepper
 from ropeode.theory import is_rope
-from ropeode.validation import listed
+from ropeode.validation import listed, numbered
 
 # Positions are the same if they differ by this part of the motion, or by so many times the rounding
 # of their digits, if those tell enough.
@@ -245,9 +245,7 @@ def _diagnosis(
     misfit, apart = (max(getattr(each, name) for each in found) for name in ("before", "apart"))
     nodes = list(dict.fromkeys(each.node for each in found))
     limits, resting = [*_limits(found)], _resting(found)
-    who = (
-        f"node {nodes[0]} departs" if len(nodes) == 1 else f"nodes {listed(map(str, nodes))} depart"
-    )
+    who = f"{numbered('node', nodes)} {'departs' if len(nodes) == 1 else 'depart'}"
     who = who if found[0].run.layout.nodes > 1 else "they depart"
     when = (
         f"at t = {ts[frame]:g}" if frame == before else f"from t = {ts[before]:g} to {ts[frame]:g}"
