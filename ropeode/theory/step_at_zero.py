@@ -235,14 +235,17 @@ def _becomes(expansions: Sequence[Expansion], least: float) -> str:
         )
     (x, v), (x_off, v_off) = np.moveaxis(np.concatenate(parts, axis=1), 2, 1)
     numbers = {
-        **{f"the node's {AXES[i]}": (x[..., i], x_off[..., i]) for i in range(x.shape[-1])},
-        "the node's speed": (np.linalg.norm(v, axis=-1), np.any(v_off, axis=-1)),
-        "that component, without its sign,": (np.abs(v), v_off),
+        **{
+            f"the node's {AXES[i]} becomes {{}}": (x[..., i], x_off[..., i])
+            for i in range(x.shape[-1])
+        },
+        "the node's speed becomes {}": (np.linalg.norm(v, axis=-1), np.any(v_off, axis=-1)),
+        "components of the velocity become {0} or -{0}": (np.abs(v), v_off),
     }
-    for name, (after, off) in numbers.items():
+    for words, (after, off) in numbers.items():
         values = after[off > 0]
         if len(values) >= _SOME and np.ptp(values) <= least:
-            return f"; there {name} becomes {np.median(values):.3g}"
+            return f"; there {words.format(f'{np.median(values):.3g}')}"
     return ""
 
 
