@@ -21,6 +21,7 @@ from ropeode.checking.check_ropes import (
 )
 from ropeode.checking.convergence import RunAndDouble, converging, ladder
 from ropeode.checking.report import Claims, Convergence, Finding
+from ropeode.errors import ReferenceRefused
 from ropeode.problems import Problem
 from ropeode.references import Reference, reference_for
 from ropeode.simulation import Method, method_of, simulate, step_size
@@ -221,31 +222,38 @@ def padded_states(problem: Problem, method: Method, steps_per_frame: int) -> np.
 def reference_of(problem: Problem) -> Reference:
     """The certified reference of a check rope; computed once in a process.
 
+    Of several threads that ask for the same reference, the first computes it. If that is
+    interrupted, or fails in another way than by a refusal, whoever asks next does.
+
     Raises:
         ReferenceRefused: the problem has none.
     """
-    return references_ahead([problem])[0].result()
+    key = problem.name, *(each.tobytes() for each in (problem.ts, problem.y0, *problem.args))
+    with _LOCK:
+        is_first = key not in _REFERENCES
+        if is_first and len(_REFERENCES) >= _MOST_KEPT:
+            _REFERENCES.clear()
+        own = _REFERENCES.setdefault(key, Future())
+    if is_first:
+        try:
+            own.set_result(reference_for(problem))
+        except BaseException as error:
+            own.set_exception(error)
+            if not isinstance(error, ReferenceRefused):
+                _REFERENCES.pop(key, None)
+    return own.result()
 
 
-def references_ahead(problems: Iterable[Problem]) -> list[Future[Reference]]:
-    """Begin to compute the references of check ropes, each once in a process.
+def references_ahead(problems: Iterable[Problem]) -> None:
+    """Compute the references of check ropes in threads of their own, before they are needed.
 
     Arguments:
         problems: of which; those with uneven frames first, for they take a program of their own,
             which is compiled beside that of the others.
     """
     # Its threads end with the work. They are no daemons: a process that ends while one of these
-    # compiles would be aborted.
+    # compiles would be aborted. Errors are raised again where the same reference is needed.
     pool = ThreadPoolExecutor(cores())
-    futures = []
-    with _LOCK:
-        if len(_REFERENCES) > _MOST_KEPT:
-            _REFERENCES.clear()
-        for problem in problems:
-            numbers = (problem.ts, problem.y0, *problem.args)
-            key = problem.name, *(each.tobytes() for each in numbers)
-            if key not in _REFERENCES:
-                _REFERENCES[key] = pool.submit(reference_for, problem)
-            futures.append(_REFERENCES[key])
+    for problem in problems:
+        pool.submit(reference_of, problem)
     pool.shutdown(wait=False)
-    return futures

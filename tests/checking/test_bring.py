@@ -15,7 +15,7 @@ import time
 import numpy as np
 import pytest
 
-from ropeode.checking import CHECKS, check_stepper
+from ropeode.checking import CHECKS, check_stepper, reference_of
 from ropeode.errors import InputError, UserCodeError
 from ropeode.render import format_check
 from ropeode.simulation import on_user_clock
@@ -165,6 +165,17 @@ def test_a_check_that_is_left_off_ends_in_a_step_that_does_not():
 
 
 @pytest.mark.slow
+def test_a_reference_that_fails_is_computed_by_whoever_asks_next(monkeypatch, small_rope):
+    def fails(problem):
+        raise MemoryError
+
+    with monkeypatch.context() as patch:
+        patch.setattr("ropeode.checking.check_context.reference_for", fails)
+        with pytest.raises(MemoryError):
+            reference_of(small_rope)
+    assert reference_of(small_rope) is reference_of(small_rope)
+
+
 def test_a_process_may_end_while_references_are_made_ahead():
     """It was aborted, where a thread was compiling one."""
     code = (
