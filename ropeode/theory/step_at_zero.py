@@ -95,9 +95,11 @@ def diagnose_identity(expansions: Sequence[Expansion]) -> Diagnosis | None:
         if mixed := still and _mixed(found, 1, "velocities are mixed"):
             line += f": {mixed}"
         else:
-            off = [np.max(np.abs(_beside_motion(each)), axis=1) for each in expansions]
+            after = [_shortest(each) for each in expansions]
+            beside = [*map(_beside_motion, expansions, after)]
+            off = [np.max(each, axis=1) for each in beside]
             where = where_off(expansions, off, _BESIDE * size)
-            becomes = _becomes(expansions, _BESIDE * size)
+            becomes = _becomes(expansions, after, beside, _BESIDE * size)
             line += f" by up to {evidence['size']:.2g} of its size{where}{becomes}"
         return Diagnosis("identity", f"{line}, {_NO_LIMIT}", evidence, _UNCHANGED)
     parts = np.stack([of_x, of_v]) + np.eye(2, 3)[:, :, None]
@@ -212,28 +214,33 @@ def _shortest(expansion: Expansion) -> np.ndarray:
     return expansion.samples.after(expansion.t, expansion.y, dt, 1)[:, 0, 1]
 
 
-def _beside_motion(expansion: Expansion) -> np.ndarray:
-    """What the shortest step adds to the states beside their motion, ``(states, *state)``."""
+def _beside_motion(expansion: Expansion, after: np.ndarray) -> np.ndarray:
+    """How much the shortest step adds to the states beside their motion, ``(states, *state)``."""
     dt = expansion.ladder.reshape(-1, 1, 1, 1) * _SHORTEST
-    return _shortest(expansion) - expansion.y - dt * expansion.slopes
+    return np.abs(after - expansion.y - dt * expansion.slopes)
 
 
-def _becomes(expansions: Sequence[Expansion], least: float) -> str:
+def _becomes(
+    expansions: Sequence[Expansion],
+    after: Sequence[np.ndarray],
+    beside: Sequence[np.ndarray],
+    least: float,
+) -> str:
     """A clause: which number all states have in common after a step that changes them.
 
     So they have at a limit, on a floor, or at rest.
 
     Arguments:
         expansions: of the step.
+        after: the states after the shortest step, for each.
+        beside: how much that adds beside the motion.
         least: what is a change.
     """
-    parts = []
-    for each in expansions:
-        free = each.problem.args.free > 0.0
-        parts.append(
-            np.stack([_shortest(each), np.abs(_beside_motion(each)) > least])[..., free, :]
-        )
-    (x, v), (x_off, v_off) = np.moveaxis(np.concatenate(parts, axis=1), 2, 1)
+    pairs = [
+        np.stack([states, added > least])[..., each.problem.args.free > 0.0, :]
+        for each, states, added in zip(expansions, after, beside, strict=True)
+    ]
+    (x, v), (x_off, v_off) = np.moveaxis(np.concatenate(pairs, axis=1), 2, 1)
     numbers = {
         **{
             f"the node's {AXES[i]} becomes {{}}": (x[..., i], x_off[..., i])

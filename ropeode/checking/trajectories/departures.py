@@ -26,7 +26,7 @@ from ropeode.problems import Problem
 from ropeode.references import Reference
 from ropeode.steppers import as_stepper
 from ropeode.theory import is_rope
-from ropeode.validation import listed, numbered
+from ropeode.validation import counted, listed, numbered
 
 # Positions are the same if they differ by this part of the motion, or by so many times the rounding
 # of their digits, if those tell enough.
@@ -275,12 +275,10 @@ def _diagnosis(
 def _acting(limits: Sequence[tuple[str, str, float]], resting: Sequence[int]) -> str:
     """What acts from the departure on, as far as limits and nodes at rest show it."""
     words = [f"{name} is never {side} {value:g}" for name, side, value in limits[:_MOST_SAID]]
-    if len(resting) == 1:
-        words.append(f"node {resting[0]} is at rest")
-    elif resting:
+    if resting:
         few = len(resting) <= _MOST_SAID
-        nodes = f"nodes {listed(resting)}" if few else f"{len(resting)} nodes"
-        words.append(f"{nodes} are at rest")
+        nodes = numbered("node", resting) if few else counted(len(resting), "node")
+        words.append(f"{nodes} {'is' if len(resting) == 1 else 'are'} at rest")
     if words:
         return f"in these files {listed(words)}, as nothing in the problem demands"
     return (
