@@ -34,6 +34,7 @@ from .trajectories.layout import samples_of as samples_of
 from .trajectories.layout import states_of as states_of
 from .trajectories.run_files import FEWEST as FEWEST
 from .trajectories.run_files import FORMATS as FORMATS
+from .trajectories.run_files import Files as Files
 from .trajectories.run_files import Run as Run
 from .trajectories.run_files import read_runs as read_runs
 from .trajectories.studies import trajectory_energy_curves as trajectory_energy_curves

@@ -17,11 +17,10 @@ from ropeode.checking.convergence import finest_is_unstable
 from ropeode.checking.diagnosis.rope_forces import has_rope_forces
 from ropeode.checking.energy_drift import at_rest, measure_drift
 from ropeode.checking.report import CheckReport, Claims, Diagnosis, Finding, exactly
-from ropeode.checking.trajectories.checked_runs import checked_runs
+from ropeode.checking.trajectories.checked_runs import checked_runs, explain, explain_columns
 from ropeode.checking.trajectories.columns import Explanation
 from ropeode.checking.trajectories.convergence import order_finding
 from ropeode.checking.trajectories.departures import departure
-from ropeode.checking.trajectories.explanations import explain, explain_columns
 from ropeode.checking.trajectories.known_methods import same_method
 from ropeode.checking.trajectories.more_runs import more_runs
 from ropeode.checking.trajectories.other_ropes import other_rope
@@ -114,11 +113,11 @@ def grade(
     def certified() -> Reference:
         return reference_for(problem, options, lambda text, _: progress(text, 0.9))
 
+    asked_of = Files(files, own, dts)
     runs = checked_runs(
-        files, own, dts, certified, lambda text, share: progress(text, 0.9 * (share or 0.0))
+        asked_of, certified, lambda text, share: progress(text, 0.9 * (share or 0.0))
     )
     reference = certified()
-    asked_of = Files(files, own, dts)
     causes = _Causes(reference, runs, asked_of, claims, expected, options)
     order, notes, cause = _order(causes)
     off = max(float(np.max(run.first_errors)) for run in runs)

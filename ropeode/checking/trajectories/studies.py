@@ -15,7 +15,7 @@ from ropeode.analysis import differences, distances, error_series, resolution
 from ropeode.checking.trajectories.checked_runs import checked_runs
 from ropeode.checking.trajectories.convergence import converging_runs, shown, worst_rounding
 from ropeode.checking.trajectories.known_methods import steps_per_frame
-from ropeode.checking.trajectories.run_files import Run, names_of
+from ropeode.checking.trajectories.run_files import Files, Run, names_of
 from ropeode.norms import Norm, norm_for
 from ropeode.problems import Problem
 from ropeode.progress import Progress, bar, shows_progress
@@ -243,7 +243,7 @@ def _runs(
     own = problem_of(problem)
     measure = norm_for(own, norm)
     runs = checked_runs(
-        files, own, dts, lambda: _reference(problem, progress, asked), progress, fewest=1
+        Files(files, own, dts, 1), lambda: _reference(problem, progress, asked), progress
     )
     for run in runs:
         if run.diverged is not None:

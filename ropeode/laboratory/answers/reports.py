@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ropeode.analysis import RESOLUTION_FACTOR, error_series
-from ropeode.checking import CHECKS, FEWEST, CheckReport, check_stepper
+from ropeode.checking import CHECKS, FEWEST, CheckReport, Files, check_stepper
 from ropeode.checking import Run as FileRun
 from ropeode.checking.grade import grade as graded
 from ropeode.checking.trajectories.checked_runs import checked_runs
@@ -68,7 +68,7 @@ def grade(ask: AskGrade, laboratory: Laboratory, progress: Progress) -> Answer:
     with tempfile.TemporaryDirectory(prefix="ropeode-") as folder:
         try:
             paths = _written(ask.files, Path(folder))
-            found = checked_runs(paths, motion.problem, None, lambda: reference, later, fewest=1)
+            found = checked_runs(Files(paths, motion.problem, None, 1), lambda: reference, later)
             report = None
             if len(paths) >= FEWEST:
                 report = graded(paths, reference, progress=later)
