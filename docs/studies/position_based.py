@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from ropeode import reference
-from ropeode.analysis import ObservedOrder, distances_from, observed_order, resolution
+from ropeode.analysis import ObservedOrder, largest_distance, observed_order, resolution
 from ropeode.norms import norm_for
 from ropeode.problems import InextensibleRope, Problem
 from ropeode.problems.rope import Rope
@@ -96,7 +96,7 @@ def _limit(stepper: str, kind: str, goes_to: str, truths: dict[str, Reference]) 
 
     def errors(truth: Reference) -> list[float]:
         return [
-            float(np.max(distances_from(truth.states, run.states, problem, norm)))
+            largest_distance(problem, norm, run.states, truth.states)
             if run.status == "ok"
             else np.inf
             for run in runs
@@ -124,10 +124,7 @@ def near_implicit_euler(steppers: tuple[str, ...]) -> list[tuple[str, list[float
     euler = [simulate(problem, "diffrax:ImplicitEuler", steps).states for steps in NEAR]
     for stepper in steppers:
         own = [simulate(problem, stepper, steps).states for steps in NEAR]
-        apart = [
-            float(np.max(distances_from(a, b, problem, norm)))
-            for a, b in zip(euler, own, strict=True)
-        ]
+        apart = [largest_distance(problem, norm, b, a) for a, b in zip(euler, own, strict=True)]
         found.append((stepper, apart, float(np.log2(apart[-2] / apart[-1]))))
     return found
 

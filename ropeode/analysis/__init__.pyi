@@ -5,10 +5,8 @@ from .errors import RESOLUTION_FACTOR as RESOLUTION_FACTOR
 from .errors import ErrorSeries as ErrorSeries
 from .errors import differences as differences
 from .errors import distances as distances
-from .errors import distances_from as distances_from
 from .errors import energy_errors as energy_errors
 from .errors import error_series as error_series
-from .errors import error_sizes as error_sizes
 from .errors import moved as moved
 from .errors import quantity_distances as quantity_distances
 from .errors import resolution as resolution

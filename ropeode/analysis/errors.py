@@ -14,7 +14,7 @@ from ropeode.display import Tabular
 from ropeode.errors import InputError
 from ropeode.norms import Norm, distance, motion, node_distances, norm_for
 from ropeode.precision import in_float64
-from ropeode.problems import NoEquations, Problem, same_problem
+from ropeode.problems import NoEquations, same_problem
 from ropeode.references import Reference
 from ropeode.simulation import Trajectory
 from ropeode.validation import bad_value, check_kind, not_traced
@@ -192,14 +192,7 @@ def distances(states: np.ndarray, reference: Reference, norm: Norm) -> np.ndarra
         Distances, ``(samples,)``: as many as there are states, up to the trust horizon.
     """
     samples = min(len(states), reference.trusted)
-    return distances_from(reference.states[:samples], states[:samples], reference.problem, norm)
-
-
-def distances_from(
-    truth: np.ndarray, states: np.ndarray, problem: Problem, norm: Norm
-) -> np.ndarray:
-    """How far states are from the true ones, both ``(times, *state)``, at each sample."""
-    return distance(problem, norm, states, truth)
+    return distance(reference.problem, norm, states[:samples], reference.states[:samples])
 
 
 def quantity_distances(values: np.ndarray, reference: Reference, norm: Norm) -> np.ndarray:
@@ -224,17 +217,6 @@ def resolution(reference: Reference, norm: Norm) -> np.ndarray:
     """The smallest error that the reference can tell at each trusted sample, ``(samples,)``."""
     with np.errstate(over="ignore"):
         return RESOLUTION_FACTOR * reference.bound(norm)[: reference.trusted]
-
-
-def error_sizes(problem: Problem, errors: np.ndarray, norm: Norm) -> np.ndarray:
-    """The size of errors that are known as vectors, ``(times,)``.
-
-    Arguments:
-        problem: whose states they belong to.
-        errors: ``(times, *state)``.
-        norm: in which they are measured.
-    """
-    return distance(problem, norm, errors, np.zeros_like(errors))
 
 
 def energy_errors(energies: np.ndarray, truth: np.ndarray) -> np.ndarray:

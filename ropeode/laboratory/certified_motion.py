@@ -8,10 +8,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ropeode.analysis import distances_from, energy_errors, in_other_units
+from ropeode.analysis import energy_errors, in_other_units
 from ropeode.errors import ReferenceRefused
 from ropeode.laboratory.drawings import Drawing, drawing_of, finite_samples
-from ropeode.norms import Norm, norm_for
+from ropeode.norms import Norm, distance, norm_for
 from ropeode.problems import Problem
 from ropeode.progress import Progress, part_of
 from ropeode.references import (
@@ -125,7 +125,7 @@ class CertifiedMotion:
         truth = finer.states[::every][:trusted]
         arrays = {
             "differences": differences,
-            "errors": distances_from(truth, states[:trusted], problem, self.norm),
+            "errors": distance(problem, self.norm, states[:trusted], truth),
         }
         if self.energy is not None:
             # As many states each time, so that one compilation serves runs that ended early.

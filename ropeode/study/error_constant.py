@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ropeode.analysis import AGREE, UNSTABLE, ObservedOrder, error_sizes, least_clear_error
+from ropeode.analysis import AGREE, UNSTABLE, ObservedOrder, least_clear_error
 from ropeode.json_form import json_shows
-from ropeode.norms import Norm
+from ropeode.norms import Norm, distance
 from ropeode.problems import Problem
 from ropeode.references import Reference
 
@@ -145,7 +145,7 @@ def leading_term(problem: Problem, norm: Norm, prediction: PredictedError) -> np
     None where it may be zero in this norm.
     """
     states = prediction.states[1:]
-    sizes = error_sizes(problem, states, norm)
+    sizes = distance(problem, norm, states, np.zeros_like(states))
     largest = float(np.max(np.abs(states), initial=0.0))
     certain = np.max(sizes, initial=0.0) > _CERTAIN * prediction.uncertain * largest
     return sizes if certain else None

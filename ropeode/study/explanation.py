@@ -61,7 +61,6 @@ from ropeode.theory import (
     structure_of,
     tableau_of,
 )
-from ropeode.theory.nodes_first import nodes_first
 
 # Of a step that runs in Python, which takes some 30 us each time.
 _MOST_IN_PYTHON = 1024
@@ -381,18 +380,21 @@ def _wrong(samples: StepSamples, at: Expansion) -> Diagnosis | None:
     if at.order not in (-1, 0):
         return None
     problem, near = samples.problem, at
+    rope, own = is_rope(problem), at.samples
+    if rope:
+        samples, own = samples.with_nodes_first(), own.with_nodes_first()
     if not problem.rigid:
-        near = _expansion(samples, *_states_near(problem, at))
+        near = _expansion(samples, *_states_near(samples, at))
         if near.order != at.order:
-            near = at
-    if is_rope(problem):
-        near = [nodes_first(near)]
-        return diagnose_identity(near) if at.order == -1 else diagnose_equation(near)
+            near = _expansion(own, at.t, own.turned(at.y))
+    if rope:
+        return diagnose_identity([near]) if at.order == -1 else diagnose_equation([near])
     return None if at.order == -1 else diagnose_parameters(near)
 
 
-def _states_near(problem: Problem, at: Expansion) -> tuple[np.ndarray, np.ndarray]:
+def _states_near(samples: StepSamples, at: Expansion) -> tuple[np.ndarray, np.ndarray]:
     """States so near to given ones that nothing else is, with times."""
+    problem = samples.problem
     t, y = np.tile(at.t, _NEAR), np.concatenate([at.y] * _NEAR)
     draw = np.random.default_rng(7).normal(size=y.shape)
     if problem.mechanics is None:
@@ -403,7 +405,7 @@ def _states_near(problem: Problem, at: Expansion) -> tuple[np.ndarray, np.ndarra
     # As fast as the acceleration makes it on such a way.
     speed = np.sqrt(size * np.max(np.abs(at.slopes[:, 1])))
     away = _AWAY * np.array([size, speed]).reshape(2, *[1] * (y.ndim - 2)) * draw
-    return t, y + np.where(free_coordinates(problem), away, 0.0)
+    return t, samples.turned(y + np.where(free_coordinates(problem), away, 0.0))
 
 
 def _local_step(at: Expansion, wrong: Diagnosis | None) -> LocalStep:

@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import special
 
-from ropeode.analysis import LyapunovExponent, distances_from, lyapunov_exponent, mean_slope
+from ropeode.analysis import LyapunovExponent, lyapunov_exponent, mean_slope
 from ropeode.display import Tabular
 from ropeode.errors import ReferenceRefused
 from ropeode.json_form import json_shows
+from ropeode.norms import distance
 from ropeode.precision import in_float64
 from ropeode.problems import Problem, require_problem
 from ropeode.progress import Progress, bar, shows_progress
@@ -265,9 +266,7 @@ def horizon(
     size = float(np.max(np.abs(problem.quantity(quantity, exact)))) or 1.0
 
     def run(solution: Solution, role: Literal["reference"] | Role) -> Run:
-        errors = padded(
-            distances_from(exact, solution.states[: len(times)], problem, norm), problem
-        )
+        errors = padded(distance(problem, norm, solution.states[: len(times)], exact), problem)
         return Run(solution.solver, solution.rtol, role, solution.steps, errors[: len(times)])
 
     runs = [run(primary_solution(reference), "reference")]

@@ -6,10 +6,9 @@ A step sees real arrays only. So a complex number ``a + ib`` acts as the real ma
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import functools
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any, Literal, NamedTuple
 
 import jax
@@ -30,8 +29,8 @@ from ropeode.simulation import (
 from ropeode.steppers import Stepper
 from ropeode.theory.step_samples import StepSamples, in_batches
 
-# Rows that a compiled program takes at once, and springs side by side in NumPy.
-_CHUNK, _TOGETHER = 1024, 256
+# Rows that a compiled program takes at once.
+_CHUNK = 1024
 # Steps of a run that shows what a step does.
 _RUN = 3
 # Of the largest entry: what is no zero, and by how much powers of a matrix may be others. An
@@ -139,7 +138,7 @@ class LinearMethod:
     def __init__(self, equation: LinearEquation, method: Method):
         self.equation = equation
         self.size = self.problem.y0.size
-        self.is_one_step, self.is_together = True, False
+        self.is_one_step = True
         self._method = dataclasses.replace(method, stepper=method.stepper.on(None))
         self._beginning = 1
         self.is_compiled = method.trial.compiled
@@ -152,8 +151,6 @@ class LinearMethod:
     def settle(self, args: np.ndarray) -> bool:
         """Find out whether memory counts, from generic cases, ``(cases, numbers)``.
 
-        And for springs in Python, whether many of them can be one state.
-
         Returns:
             Whether all steps of a run are one linear map of what is carried, after the first ones.
         """
@@ -164,10 +161,6 @@ class LinearMethod:
         self._beginning = max(1, begin)
         samples = self.powers(args)
         once = samples[:, 1]
-        if not self.is_compiled and self.equation is OSCILLATOR:
-            with contextlib.suppress(Exception):
-                side_by_side = [self._together(args, unit) for unit in np.eye(self.size)]
-                self.is_together = _same(np.stack(side_by_side, axis=2), once)
         self.is_one_step = self._beginning == 1 and _same(samples[:, 0], np.eye(self.size)[None])
         self.is_one_step &= all(
             _same(samples[:, k + 1], samples[:, k] @ once) for k in range(1, _RUN)
@@ -199,8 +192,6 @@ class LinearMethod:
         if self.is_compiled:
             once, _ = _programs(self._method.stepper, self.equation)
             found = in_batches(once, (args,), _CHUNK)
-        elif self.is_together and len(args) > 1:
-            found = np.stack([self._together(args, unit) for unit in units], axis=2)
         else:
             found = np.stack([self.runs(row, units, steps=1)[:, 1].T for row in args])
         return found[:, ::2] + 1j * found[:, 1::2]
@@ -221,25 +212,11 @@ class LinearMethod:
             t, dt: when they start, and their step size.
             steps: of each.
         """
-        return self._samples(
-            row.tolist(), y.reshape(-1, *self.problem.y0.shape), t, dt, steps
-        ).reshape(len(y), steps + 1, -1)
-
-    def _samples(
-        self, numbers: Iterable, y: np.ndarray, t: float, dt: float, steps: int
-    ) -> np.ndarray:
-        """``(runs, steps + 1, *state)``."""
-        problem = self.problem.changed(y0=y[0], args=self.equation.args(*numbers))
+        problem = self.problem.changed(args=self.equation.args(*row.tolist()))
+        states, times = y.reshape(-1, *problem.y0.shape), np.full(len(y), t)
         samples = StepSamples(problem, self._method)
-        every = np.full(len(y), t)
-        return samples.after(every, y, np.full((len(y), 1), dt), steps)[:, 0]
-
-    def _together(self, args: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """A step of many springs side by side, each a node, from one state: ``(cases, size)``."""
-        rows = np.pad(args, [(0, -len(args) % _TOGETHER), (0, 0)], mode="edge")
-        start = np.tile(y.reshape(1, 2, 1, 2), (1, 1, len(rows), 1))
-        found = self._samples(rows.T[..., None], start, 0.0, 1.0, 1)
-        return np.moveaxis(found[0, 1], 1, 0)[: len(args)].reshape(len(args), -1)
+        found = samples.after(times, states, np.full((len(y), 1), dt), steps)
+        return found.reshape(len(y), steps + 1, -1)
 
     def _memory(self, args: np.ndarray) -> _Memory:
         if self.is_compiled:

@@ -115,7 +115,7 @@ class StabilityFunction:
     def is_quick(self) -> bool:
         """Whether thousands of values cost little; not those of a step in Python."""
         own = self._method
-        return self.polynomial is not None or own.is_compiled or own.is_together
+        return self.polynomial is not None or own.is_compiled
 
 
 @in_float64

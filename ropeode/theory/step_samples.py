@@ -47,15 +47,24 @@ class StepSamples:
         settled: whether what is carried at the start is corrected by as little as possible such
             that the stepper hands out the state that it starts from. A method with memory whose
             own start is meant for one state only can so be looked at from any state.
+        nodes_first: whether states are ``(2, nodes, dim)`` here, however the problem stores them.
     """
 
-    def __init__(self, problem: Problem, method: Method, settled: bool = False):
+    def __init__(
+        self, problem: Problem, method: Method, settled: bool = False, nodes_first: bool = False
+    ):
         self.problem, self._method, self._settled = problem, method, settled
-        self._rates = rates_of(problem)
+        self._rates, self._nodes_first = rates_of(problem), nodes_first
 
     def rates(self, t: np.ndarray, y: np.ndarray) -> np.ndarray:
         """The right-hand side: times ``(cases,)``, states ``(cases, *state)``."""
-        return self._rates(t, y)
+        return self.turned(self._rates(t, self.turned(y)))
+
+    def turned(self, states: np.ndarray) -> np.ndarray:
+        """States as the problem stores them from those here, and the other way round."""
+        mechanics = self.problem.mechanics
+        turn = self._nodes_first and mechanics is not None and mechanics.node_axis == 1
+        return np.swapaxes(states, -2, -1) if turn else states
 
     @property
     def carries_state(self) -> bool:
@@ -68,9 +77,13 @@ class StepSamples:
         """Whether it may begin as another method than it goes on as: those of ropeode do not."""
         return not (self.carries_state or isinstance(self._method.stepper, BuiltIn))
 
+    def with_nodes_first(self) -> StepSamples:
+        """The same with states ``(2, nodes, dim)``, however a mechanical problem stores them."""
+        return StepSamples(self.problem, self._method, self._settled, nodes_first=True)
+
     def on(self, problem: Problem) -> StepSamples:
         """The same of another problem."""
-        return StepSamples(problem, self._method, self._settled)
+        return StepSamples(problem, self._method, self._settled, self._nodes_first)
 
     @in_float64
     def after(self, t: np.ndarray, y: np.ndarray, dt: np.ndarray, steps: int) -> np.ndarray:
@@ -89,7 +102,7 @@ class StepSamples:
             UserCodeError: the step raised.
         """
         stepper, problem, sizes = self._method.stepper, self.problem, dt.shape[1]
-        cases = np.repeat(t, sizes), np.repeat(y, sizes, axis=0), dt.ravel()
+        cases = np.repeat(t, sizes), np.repeat(self.turned(y), sizes, axis=0), dt.ravel()
         if self._method.trial.compiled:
             most = max(steps, 1 if self.carries_state else _MOST)
             run = _compiled(stepper, problem.rhs, problem.mechanics, most, self._settled)
@@ -102,7 +115,7 @@ class StepSamples:
             with one_at_a_time(), np.errstate(all="ignore"):
                 lines = zip(cases[0].tolist(), cases[1], cases[2].tolist(), strict=True)
                 states = np.stack([_in_python(own, *line, steps, self._settled) for line in lines])
-        return states.reshape(*dt.shape, steps + 1, *y.shape[1:])
+        return self.turned(states.reshape(*dt.shape, *states.shape[1:]))
 
 
 def in_batches(

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from ropeode import reference, simulate
-from ropeode.analysis import ObservedOrder, distances_from, observed_order, resolution
+from ropeode.analysis import ObservedOrder, largest_distance, observed_order, resolution
 from ropeode.norms import Norm, norm_for
 from ropeode.problems import PROBLEMS, ROPES, InextensibleRope, LinearDamping, Problem, Rope
 from ropeode.simulation import Trajectory
@@ -192,7 +192,7 @@ def errors_of(case: str, stepper: BuiltIn, measure: Norm) -> list[float]:
     problem, truth = problem_of(case), truth_of(case)[0]
 
     def error(run: Trajectory) -> float:
-        return float(np.max(distances_from(truth, run.states, problem, measure)))
+        return largest_distance(problem, measure, run.states, truth)
 
     return [error(run) if run.status == "ok" else np.inf for run in runs_of(case, stepper)]
 
