@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -14,17 +14,16 @@ from ropeode.checking.report import Diagnosis
 from ropeode.checking.simple_numbers import shortest
 from ropeode.checking.trajectories.known_methods import (
     MOST_IN_PYTHON,
-    beginning_so,
     beside,
+    matching,
+    of_the_motion,
     operations,
     steps_per_frame,
 )
-from ropeode.checking.trajectories.layout import samples_of
 from ropeode.checking.trajectories.run_files import Run, finite
-from ropeode.norms import NORMS
+from ropeode.norms import NORMS, Norm
 from ropeode.problems import Problem
 from ropeode.references import Reference
-from ropeode.steppers import as_stepper
 from ropeode.theory import is_rope
 from ropeode.validation import counted, listed, numbered
 
@@ -62,24 +61,51 @@ _REMEDY = (
 )
 
 
-class _Departure(NamedTuple):
+@dataclasses.dataclass(frozen=True)
+class _Departure:
     """A run that departs from a method.
 
-    Fields:
+    Distances are parts of how far the solution moves, and those of each node in each sample
+    ``(samples, nodes)``.
+
+    Arguments:
+        reference: of the problem.
+        name: of the stepper.
         run: from a file.
-        made: the same of the method.
-        parts: how far they are apart, as a part of the motion, ``(samples, nodes)``.
-        same: how closely positions agree that are the same, likewise.
-        way: how far the solution moves.
-        errors: of the run and the method, as a part of the motion, ``(2, samples)``.
+        made: the same of the stepper.
     """
 
+    reference: Reference
+    name: str
     run: Run
     made: Run
-    parts: np.ndarray
-    same: float
-    way: float
-    errors: np.ndarray
+
+    @functools.cached_property
+    def way(self) -> float:
+        """How far the solution moves."""
+        return moved(self.reference, _norm(self.reference))
+
+    @functools.cached_property
+    def same(self) -> float:
+        """How closely positions agree that are the same."""
+        rounding = float(np.max(self.run.rounding[: self.run.layout.dim]))
+        return max(_SAME, _OF_ROUNDING * rounding / self.way)
+
+    def places(self, of: Run, start: int = 0) -> np.ndarray:
+        """The positions of a run that count, from a sample on, ``(samples, nodes, dim)``."""
+        return of.values[start : _counted(self.reference), :, : of.layout.dim]
+
+    @functools.cached_property
+    def parts(self) -> np.ndarray:
+        """How far the two are apart."""
+        return np.max(np.abs(self.places(self.run) - self.places(self.made)), axis=2) / self.way
+
+    @functools.cached_property
+    def errors(self) -> np.ndarray:
+        """Of the run and of the method, ``(2, samples)``."""
+        norm = _norm(self.reference)
+        runs = (self.run, self.made)
+        return np.array([distances(run.states, self.reference, norm) for run in runs]) / self.way
 
     @property
     def later(self) -> np.ndarray:
@@ -102,9 +128,29 @@ class _Departure(NamedTuple):
         return float(np.max(self.later[: self.frame]))
 
     @property
-    def node(self) -> int:
-        """That has departed farthest there."""
-        return int(np.argmax(self.parts[self.frame]))
+    def is_sudden(self) -> bool:
+        """Whether no rounding can have grown so far, as another run shows that begins near by."""
+        problem, frame, same = self.run.problem, self.frame, self.same
+        if same > _FEWEST_DIGITS or not frame or self.apart < max(_DEPARTS, _OF_GROWTH * same):
+            return False
+        change = same * self.way * np.random.default_rng(_SEED).standard_normal(problem.y0.shape)
+        if problem.mechanics is not None:
+            change[1] /= problem.ts[1] - problem.ts[0]
+        near = problem.with_numbers(problem.y0 + change, problem.args, problem.parameters)
+        ((_, shaken),) = beside(self.name, [dataclasses.replace(self.made, problem=near)])
+        if shaken is None:
+            return False
+        off = np.abs(self.places(shaken) - self.places(self.made))
+        grown = np.max(off, axis=(1, 2)) / self.way
+        growth = grown[frame] / max(float(np.min(grown[:frame])), _LAST_BIT)
+        return bool(self.apart > _OF_GROWTH * same * max(growth, 1.0))
+
+    @property
+    def is_known(self) -> bool:
+        """Whether the method is known by its errors before the departure, or has none at all."""
+        own, right = self.errors
+        exact = np.max(right) <= self.same
+        return bool(self.before <= _OF_ERRORS * np.max(own[: self.frame]) or exact)
 
 
 def departure(reference: Reference, runs: Sequence[Run]) -> Diagnosis | None:
@@ -118,87 +164,45 @@ def departure(reference: Reference, runs: Sequence[Run]) -> Diagnosis | None:
         The cause `departure` if the runs are to rounding those of a method over the first frames
         and all at once far from them; None if they do so by growth of rounding, or with dt.
     """
-    known = finite(runs)
-    if not known or steps_per_frame(known)[0] > MOST_IN_PYTHON or not _is_smooth(reference.problem):
+    known, problem = finite(runs), reference.problem
+    if not known or steps_per_frame(known)[0] > MOST_IN_PYTHON or not _is_smooth(problem):
         return None
-    first, rigid = known[0], has_rigid_links(reference.problem)
-
-    def begins(made: np.ndarray) -> bool:
-        parts = _apart(reference, first, samples_of(first.problem, made))
-        return parts is not None and bool(np.max(parts[0]) <= parts[1])
-
-    for names in beginning_so(reference.problem, known, begins):
-        found = {
-            name: each
-            for name in names
-            # Other steppers of rigid links take long to compile, and few people write them.
-            if not rigid or as_stepper(name).keeps_lengths
-            if (each := _of(reference, known, name))
-        }
-        if found:
-            return _diagnosis(reference, [*found], next(iter(found.values())))
-    return None
+    if _counted(reference) < _FEWEST_FRAMES or not moved(reference, _norm(reference)):
+        return None
+    found = matching(reference, known, functools.partial(_departures, reference), _OF_ERRORS)
+    return _diagnosis(reference, [*found], next(iter(found.values()))) if found else None
 
 
-def _of(reference: Reference, runs: Sequence[Run], name: str) -> list[_Departure]:
+def _departures(
+    reference: Reference, name: str, pairs: Iterator[tuple[Run, Run | None]]
+) -> list[_Departure]:
     """The runs that depart from a stepper; none where that is not certain."""
     found: list[_Departure] = []
-    norm = NORMS[f"{reference.problem.quantities[0]}-max"]
-    for run, made in beside(name, runs):
-        apart = None if made is None else _apart(reference, run, made.values)
-        if made is None or apart is None:
+    for run, made in pairs:
+        if made is None:
             found = []
             continue
-        way = moved(reference, norm)
-        errors = np.array([distances(each.states, reference, norm) for each in (run, made)]) / way
-        each = _Departure(run, made, *apart, way, errors)
+        each = _Departure(reference, name, run, made)
         if each.later[1] > each.same:
             return []
-        found = [*found, each] if _is_sudden(name, each) else []
+        found = [*found, each] if each.is_sudden else []
     return found if _is_certain(found) else []
 
 
-def _apart(reference: Reference, run: Run, made: np.ndarray) -> tuple[np.ndarray, float] | None:
-    """How far runs are apart, and how closely the same ones agree, as parts of the motion.
+def _norm(reference: Reference) -> Norm:
+    return NORMS[f"{reference.problem.quantities[0]}-max"]
 
-    Arguments:
-        reference: of the problem.
-        run: from a file.
-        made: the values of another run, or the first of them.
 
-    Returns:
-        ``(samples, nodes)``, up to the trust horizon and before the right-hand side jumps, where a
-        right program may take the step to either side; None if the digits tell too little.
+def _counted(reference: Reference) -> int:
+    """How many samples count.
+
+    Those up to the trust horizon and before the right-hand side jumps, where a right program may
+    take the step to either side.
     """
-    problem = reference.problem
-    end = reference.trusted
+    problem, end = reference.problem, reference.trusted
     if len(problem.jump_times):
         end = min(end, int(np.searchsorted(problem.ts, np.min(problem.jump_times))))
-    way = moved(reference, NORMS[f"{problem.quantities[0]}-max"])
-    rounding = float(np.max(run.rounding[: run.layout.dim]))
-    same = max(_SAME, _OF_ROUNDING * rounding / way) if way else np.inf
-    if end < _FEWEST_FRAMES or same > _FEWEST_DIGITS:
-        return None
-    end, dim = min(end, len(made)), run.layout.dim
-    return np.max(np.abs(run.values[:end, :, :dim] - made[:end, :, :dim]), axis=2) / way, same
-
-
-def _is_sudden(name: str, each: _Departure) -> bool:
-    """Whether no rounding can have grown so far, as another run shows that begins near by."""
-    problem, frame, same = each.run.problem, each.frame, each.same
-    if not frame or each.apart < max(_DEPARTS, _OF_GROWTH * same):
-        return False
-    change = same * each.way * np.random.default_rng(_SEED).standard_normal(problem.y0.shape)
-    if problem.mechanics is not None:
-        change[1] /= problem.ts[1] - problem.ts[0]
-    near = problem.with_numbers(problem.y0 + change, problem.args, problem.parameters)
-    dim = each.made.layout.dim
-    ((_, shaken),) = beside(name, [dataclasses.replace(each.made, problem=near)])
-    if shaken is None:
-        return False
-    grown = np.max(np.abs(shaken.values - each.made.values)[..., :dim], axis=(1, 2)) / each.way
-    growth = grown[frame] / max(float(np.min(grown[:frame])), _LAST_BIT)
-    return bool(each.apart > _OF_GROWTH * same * max(growth, 1.0))
+    return end
 
 
 def _is_certain(found: Sequence[_Departure]) -> bool:
@@ -219,15 +223,8 @@ def _is_certain(found: Sequence[_Departure]) -> bool:
     return (
         near >= far * np.sqrt(last.run.dt / first.run.dt)
         and bool(np.any(worse[frames]))
-        and all(map(_is_known, found))
+        and all(each.is_known for each in found)
     )
-
-
-def _is_known(found: _Departure) -> bool:
-    """Whether the method is known by its errors before the departure, or has none at all."""
-    own, right = found.errors
-    exact = np.max(right) <= found.same
-    return bool(found.before <= _OF_ERRORS * np.max(own[: found.frame]) or exact)
 
 
 def _is_smooth(problem: Problem) -> bool:
@@ -243,20 +240,20 @@ def _diagnosis(
     ts = reference.problem.ts
     before, frame = (pick(each.frame for each in found) for pick in (min, max))
     misfit, apart = (max(getattr(each, name) for each in found) for name in ("before", "apart"))
-    nodes = list(dict.fromkeys(each.node for each in found))
+    # The nodes that have departed farthest.
+    nodes = list(dict.fromkeys(int(np.argmax(each.parts[each.frame])) for each in found))
     limits, resting = [*_limits(found)], _resting(found)
     who = f"{numbered('node', nodes)} {'departs' if len(nodes) == 1 else 'depart'}"
     who = who if found[0].run.layout.nodes > 1 else "they depart"
     when = (
         f"at t = {ts[frame]:g}" if frame == before else f"from t = {ts[before]:g} to {ts[frame]:g}"
     )
-    to = f"to {misfit:.1g} of the motion" if misfit else "exactly"
     dts = [each.run.dt for each in found]
     of = f"with dt from {dts[0]:.4g} to {dts[-1]:.4g}"
     line = (
-        f"the positions are those of {listed(names)}, {to}, up to t = {ts[before - 1]:g}; {when}, "
-        f"{who} from them by up to {apart:.2g} of the motion, {of}, and not by the growth of "
-        "rounding: "
+        f"the positions are those of {listed(names)}, {of_the_motion(misfit)}, up to "
+        f"t = {ts[before - 1]:g}; {when}, {who} from them by up to {apart:.2g} of the motion, "
+        f"{of}, and not by the growth of rounding: "
     )
     line += _acting(limits, resting)
     evidence = {
@@ -289,21 +286,13 @@ def _acting(limits: Sequence[tuple[str, str, float]], resting: Sequence[int]) ->
 
 def _resting(found: Sequence[_Departure]) -> list[int]:
     """The nodes that are at rest once all runs have departed, and are not with the method."""
-    frame, quiet = max(each.frame for each in found), []
-    for each in found:
-        dim = each.run.layout.dim
-        x, made, velocities = (
-            values[frame : len(each.later)]
-            for values in (
-                each.run.values[..., :dim],
-                each.made.values[..., :dim],
-                each.run.values[..., dim:],
-            )
-        )
-        rests = np.all(x == x[0], axis=(0, 2))
-        if velocities.size:
-            rests |= np.all(velocities == 0.0, axis=(0, 2))
-        quiet.append(rests & np.any(made != made[0], axis=(0, 2)))
+    frame = max(each.frame for each in found)
+
+    def rests(run: Run) -> np.ndarray:
+        places = found[0].places(run, frame)
+        return np.all(places == places[0], axis=(0, 2))
+
+    quiet = [rests(each.run) & ~rests(each.made) for each in found]
     return np.flatnonzero(np.all(quiet, axis=0)).tolist()
 
 

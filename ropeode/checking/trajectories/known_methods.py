@@ -6,7 +6,7 @@ import functools
 import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -83,43 +83,47 @@ def _first_frame(name: str, problem: Problem, steps: int) -> np.ndarray:
     return states
 
 
-def _order_of(name: str, problem: Problem) -> int:
-    """The order of a stepper on a problem; 0 if it does not converge there."""
-    order = as_stepper(name).order(problem_class(problem))
-    assert order is not None
-    return order
-
-
 def steps_per_frame(runs: Sequence[Run]) -> list[int]:
     """Those of runs, rounded up."""
     one = step_size(runs[0].problem, 1)
     return [math.ceil(one / run.dt - WHOLE) for run in runs]
 
 
-def beginning_so(
-    problem: Problem, runs: Sequence[Run], agrees: Callable[[np.ndarray], bool]
-) -> Iterator[list[str]]:
-    """Steppers that begin like runs, as they are to be tried: those first that most people write.
+def matching(
+    reference: Reference,
+    runs: Sequence[Run],
+    match: Callable[[str, Iterator[tuple[Run, Run | None]]], Any],
+    part: float = _BEGINS,
+) -> dict[str, Any]:
+    """The steppers that match runs; those are tried first that most people write.
 
     Arguments:
-        problem: of the runs.
+        reference: of the problem.
         runs: from coarse to fine.
-        agrees: whether states ``(2, *state)`` at the ends of the first frame are like those of the
-            first run, unless Python would take long to compute them.
+        match: what is found of a stepper, from its name and runs, each with that of the stepper.
+        part: of the errors in the first frame, by which a stepper may differ there, unless Python
+            would take long to compute it.
     """
+    if not runs:
+        return {}
+    problem, first = reference.problem, runs[0]
     counts, one = steps_per_frame(runs), step_size(problem, 1)
     if any(abs(one / run.dt - n) > WHOLE for run, n in zip(runs, counts, strict=True)):
-        return
+        return {}
     # Loops, as rigid links have them, are compiled each on its own.
     slow = counts[0] > MOST_IN_PYTHON or bool(operations(problem) & {"scan", "while"})
     kind = problem_class(problem)
     for names in _LIKELY:
-        yield [
-            name
+        found = {
+            name: result
             for name in names
             if (stepper := as_stepper(name)).solves(kind) and stepper.refusal(problem) is None
-            if slow or agrees(_first_frame(name, problem, counts[0]))
-        ]
+            if slow or _are_alike(reference, first, _first_frame(name, problem, counts[0]), part)
+            if (result := match(name, beside(name, runs)))
+        }
+        if found:
+            return found
+    return {}
 
 
 @in_float64
@@ -133,21 +137,14 @@ def operations(problem: Problem) -> set[str]:
 
 def like_steppers(reference: Reference, runs: Sequence[Run]) -> list[str]:
     """Steppers whose positions are like those of all runs; none where no run is finite."""
-    if not runs:
-        return []
-    begins = functools.partial(_alike, reference, runs[0], part=_BEGINS)
-    for names in beginning_so(reference.problem, runs, begins):
-        found = [
-            name
-            for name in names
-            if all(
-                made is not None and _alike(reference, run, made.states)
-                for run, made in beside(name, runs)
-            )
-        ]
-        if found:
-            return found
-    return []
+
+    def match(name: str, pairs: Iterator[tuple[Run, Run | None]]) -> bool:
+        return all(
+            made is not None and _are_alike(reference, run, made.states, _ALIKE)
+            for run, made in pairs
+        )
+
+    return [*matching(reference, runs, match)]
 
 
 def beside(name: str, runs: Sequence[Run]) -> Iterator[tuple[Run, Run | None]]:
@@ -156,7 +153,7 @@ def beside(name: str, runs: Sequence[Run]) -> Iterator[tuple[Run, Run | None]]:
         yield run, run_as(name, run.problem, steps, run.values.shape[2])
 
 
-def _alike(reference: Reference, run: Run, made: np.ndarray, part: float = _ALIKE) -> bool:
+def _are_alike(reference: Reference, run: Run, made: np.ndarray, part: float) -> bool:
     """Whether a run and states have the same positions in the first frame, and until they blow up.
 
     Arguments:
@@ -172,6 +169,11 @@ def _alike(reference: Reference, run: Run, made: np.ndarray, part: float = _ALIK
     apart = largest_distance(problem, norm, run.states[:end], made[:end])
     rounding = float(np.linalg.norm(worst_rounding(run, reference)[: run.layout.dim]))
     return apart <= max(part * float(np.max(errors[:end])), rounding)
+
+
+def of_the_motion(misfit: float) -> str:
+    """How closely positions agree, in words."""
+    return f"to {misfit:.1g} of the motion" if misfit else "exactly"
 
 
 class Identity(NamedTuple):
@@ -210,10 +212,9 @@ class Identity(NamedTuple):
         what = " and ".join(PLURAL[each] for each in self.quantities[: 2 if self.complete else 1])
         over = "all frames" if self.complete else f"the first {first_frames(self.frames)}"
         orders = listed(dict.fromkeys(self.orders))
-        to = f"to {self.misfit:.1g} of the motion" if self.misfit else "exactly"
         return (
-            f"the {what} are those of {listed(self.names)}, {to}, over {over}; "
-            f"{'its' if len(self.names) == 1 else 'their'} order is {orders}"
+            f"the {what} are those of {listed(self.names)}, {of_the_motion(self.misfit)}, over "
+            f"{over}; {'its' if len(self.names) == 1 else 'their'} order is {orders}"
         )
 
     def diagnosis(self, problem: Problem) -> Diagnosis:
@@ -239,9 +240,10 @@ def same_method(reference: Reference, runs: Sequence[Run]) -> Identity | None:
     if min((frames for frames, _, _ in agreed), default=0) < 1:
         return None
     frames, misfits, complete = zip(*agreed, strict=True)
+    kind = problem_class(reference.problem)
     return Identity(
         tuple(like),
-        tuple(_order_of(name, reference.problem) for name in like),
+        tuple(as_stepper(name).order(kind) or 0 for name in like),
         min(frames),
         max(misfits),
         len(known) == len(runs) and all(complete),
