@@ -52,7 +52,7 @@ def hanging_equilibrium(problem: Problem) -> np.ndarray:
         array([ 200.  ,   66.64,  -66.72, -200.06])
     """
     require_problem(problem)
-    problem = problem.up_to_date()
+    problem.require_equations()
     problem.require_mechanics("problem")
     key = (
         problem.mechanics,
@@ -168,7 +168,7 @@ class _Still:
     """The problem at zero velocity, as a function of the free coordinates alone."""
 
     def __init__(self, problem: Problem):
-        problem = problem.up_to_date()
+        problem.require_equations()
         mechanics = problem.require_mechanics("problem")
         self._of, self._derivative = _compiled(mechanics.acceleration, problem.constraints)
         self._problem = problem

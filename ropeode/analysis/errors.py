@@ -114,8 +114,8 @@ def error_series(
     if not same_problem(trajectory.problem, reference.problem):
         raise InputError(
             "reference: it was computed for another problem than the trajectory; allowed: one "
-            "and the same problem. Fix: build the problem once and use it for both; where its "
-            "right-hand side reads a variable that has changed since, compute both again."
+            "and the same problem. Fix: build the problem once and use it for both; one that is "
+            "built when a variable of its right-hand side has changed is another problem."
         )
     if trajectory.status != "ok":
         raise InputError(

@@ -128,7 +128,7 @@ def lyapunov_exponent(
         <LyapunovExponent: ... per time unit, positive; over 50 time units>
     """
     require_problem(problem)
-    problem = problem.up_to_date()
+    problem.require_equations()
     tangents = check_whole("tangents", tangents, at_least=1, example="3")
     rtol = check_positive("rtol", rtol, example="1e-10")
     directions = _directions(problem, tangents)

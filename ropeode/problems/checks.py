@@ -11,8 +11,9 @@ import numpy as np
 from ropeode.arrays import float64_only, real_array
 from ropeode.errors import RopeodeError, UserCodeError
 from ropeode.precision import in_float64
-from ropeode.problems.functions import evaluated_once, never_changes, traced
+from ropeode.problems.functions import evaluated_once, traced
 from ropeode.problems.signatures import check_signature
+from ropeode.problems.traced import Traced
 from ropeode.validation import bad_value, finite_numbers, not_traced, shortly
 
 # Where else a function with other parameters, or in NumPy, may belong.
@@ -72,15 +73,6 @@ def callable_or_none(name: str, value: Any) -> None:
     """
     if value is not None and not callable(value):
         raise bad_value(name, value, "a function", "give a function or leave it out")
-
-
-def energy(function: Any) -> None:
-    """Raises:
-    InputError: it is neither None nor a function of the right arguments.
-    """
-    callable_or_none("energy", function)
-    if function is not None:
-        check_signature("energy", function, ["t", "y", "args"], "")
 
 
 def name_and_parameters(name: Any, parameters: Any) -> None:
@@ -164,6 +156,17 @@ def _tried(name: str, signature: str, function: Any, like: np.ndarray, inputs: t
 
 
 @in_float64
+def energy(function: Any, t: np.float64, y: np.ndarray, args: Any) -> Callable:
+    """Trace an energy at the initial state.
+
+    Raises:
+        InputError: it is not a function of the right arguments.
+        UserCodeError: the function raised.
+    """
+    return _traced("energy", "energy(t, y, args)", function, (t, y, args))[0]
+
+
+@in_float64
 def constraints(
     function: Any, t: np.float64, y: np.ndarray, args: Any, quantities: Any
 ) -> Callable:
@@ -174,7 +177,7 @@ def constraints(
         UserCodeError: the function raised.
     """
     signature = "constraints(t, y, args)"
-    function, residuals = _traced("constraints", signature, function, (t, y, args))
+    function, residuals = _traced("constraints", signature, function, (t, y, args), jax.eval_shape)
     if not isinstance(residuals, Mapping) or not set(residuals) <= set(quantities):
         raise bad_value(
             "constraints result",
@@ -232,7 +235,7 @@ def _traced(
     signature: str,
     function: Any,
     inputs: tuple,
-    evaluated: Callable[..., Any] = jax.eval_shape,
+    evaluated: Callable[..., Any] = lambda *_: None,
 ) -> tuple[Callable, Any]:
     """A function in JAX, and its result: shapes and dtypes, where it is the user's.
 
@@ -246,8 +249,9 @@ def _traced(
     check_signature(name, function, wanted, _OTHERS.get(name, ""))
     try:
         function = traced(name, function, inputs)
-        own = never_changes(function)
-        return function, (evaluated if own else jax.eval_shape)(function, *inputs)
+        if isinstance(function, Traced):
+            return function, function.result
+        return function, evaluated(function, *inputs)
     except RopeodeError:
         raise
     except Exception as error:

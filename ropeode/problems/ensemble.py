@@ -179,20 +179,6 @@ class Ensemble(Displayed, Sequence[Problem]):
         """The numbers of the members from `start` up to, and without, `stop`."""
         return self._numbers(start, stop)
 
-    def up_to_date(self) -> Ensemble:
-        """The ensemble with the user's functions as they are now; see `Problem.up_to_date`."""
-        first = self.first.up_to_date()
-        if first is self.first:
-            return self
-        now = first.functions
-        return Ensemble(
-            first,
-            self._size,
-            self._numbers,
-            functools.partial(_changed, self._member, now),
-            [each.changed(**now) for each in self.built_apart],
-        )
-
     def __len__(self) -> int:
         return self._size
 
@@ -233,10 +219,6 @@ def _one_of(
 ) -> Problem:
     y0, args = jax.tree.map(lambda array: array[index], everything)
     return problem.with_numbers(y0, args, parameters(index) if parameters else {})
-
-
-def _changed(member: Callable[[int], Problem], functions: Mapping[str, Any], index: int) -> Problem:
-    return member(index).changed(**functions)
 
 
 def same_problem(problem: Problem, other: Problem) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ropeode import cache
 from ropeode.cache import Source, described
-from ropeode.problems.changing import Changing
+from ropeode.problems.traced import Traced
 
 
 def traced(name: str, function: Callable, inputs: tuple) -> Callable:
@@ -21,11 +21,8 @@ def traced(name: str, function: Callable, inputs: tuple) -> Callable:
     Arguments:
         name, function, inputs: as for `Traced`, which raises what its arguments are to blame for.
     """
-    if never_changes(function) or (isinstance(function, Changing) and function.fits(inputs)):
+    if _never_changes(function) or (isinstance(function, Traced) and function.fits(inputs)):
         return function
-    # Not above: a command that finds its programs in the cache folder traces nothing.
-    from ropeode.problems.traced import Traced
-
     return Traced(name, getattr(function, "function", function), inputs)
 
 
@@ -62,15 +59,10 @@ def _kept(function: Callable, tree: Any, leaves: tuple) -> Callable | None:
     return cache.program(description, lambda: Source(function, inputs))[0]
 
 
-def again(function: Any) -> Any:
-    """A user's function as it is now; what is not traced is returned as it is."""
-    return function.again() if isinstance(function, Changing) else function
-
-
-def never_changes(function: Callable) -> bool:
+def _never_changes(function: Callable) -> bool:
     """Whether it is a function or an object of the library, with nothing of the user's in it."""
     if isinstance(function, types.FunctionType):
         # Code that was run by `exec` has no module.
         own = (function.__module__ or "").startswith("ropeode.")
         return own and function.__closure__ is None
-    return type(function).__module__.startswith("ropeode.") and not isinstance(function, Changing)
+    return type(function).__module__.startswith("ropeode.") and not isinstance(function, Traced)

@@ -15,11 +15,11 @@ from numpy.typing import ArrayLike
 
 from ropeode.arrays import real_array
 from ropeode.display import Displayed
-from ropeode.errors import InputError, call_user_code
+from ropeode.errors import InputError
 from ropeode.json_form import json_shows
 from ropeode.precision import in_float64, rhs_in_float64
 from ropeode.problems import checks
-from ropeode.problems.functions import again, evaluated_once, for_each_state, traced
+from ropeode.problems.functions import evaluated_once, for_each_state
 from ropeode.problems.links import LinearDamping, Links
 from ropeode.problems.no_equations import NoEquations
 from ropeode.problems.python_rhs import PythonRhs
@@ -107,8 +107,8 @@ class Problem(Displayed):
 
     Arguments:
         rhs: ``rhs(t, y, args)`` in JAX; returns the derivative in the shape of ``y``. It is traced
-            when the problem is built, and again when the problem is solved: each solution is that
-            of the equation which the function then computes.
+            once, when the problem is made: what it reads besides its arguments (a closure, a global
+            variable) is what that was then. Where that changes, make a new problem.
         y0: the initial state, an array of any shape or a pytree of arrays; real numbers, kept as
             float64.
         ts: the sample times, increasing; ``ts[0]`` is the start. One interval between
@@ -182,7 +182,6 @@ class Problem(Displayed):
             self._set_state,
             lambda: self._set("ts", checks.sample_times(self.ts)),
             lambda: checks.callable_or_none("exact", self.exact),
-            lambda: checks.energy(self.energy),
             lambda: checks.name_and_parameters(self.name, self.parameters),
         )
         self._set("jump_times", checks.jump_times(self.jump_times, self.ts))
@@ -197,6 +196,8 @@ class Problem(Displayed):
             own_rhs = checks.right_hand_side(self.rhs, start, self.y0, self.args)
             plain = isinstance(own_rhs, types.FunctionType)
             self._set("rhs", FirstOrderRhs(own_rhs) if plain else own_rhs)
+        if self.energy is not None:
+            self._set("energy", checks.energy(self.energy, start, self.y0, self.args))
         if self.constraints is not None:
             residuals = checks.constraints(
                 self.constraints, start, self.y0, self.args, self.quantities
@@ -274,29 +275,6 @@ class Problem(Displayed):
         """
         if isinstance(self.rhs, NoEquations):
             self.rhs()
-
-    @property
-    def functions(self) -> dict[str, Any]:
-        """The fields that hold the functions which say how the state moves."""
-        return {"rhs": self.rhs, "mechanics": self.mechanics, "constraints": self.constraints}
-
-    @in_float64
-    def up_to_date(self) -> Problem:
-        """The problem with the user's functions as they are now.
-
-        What a function reads besides its arguments may have changed since it was traced.
-
-        Returns:
-            The problem itself, if its functions still compute the same.
-
-        Raises:
-            InputError: it has no equations.
-            UserCodeError: one of them raised.
-        """
-        self.require_equations()
-        now = {name: _again(function) for name, function in self.functions.items()}
-        same = all(now[name] is function for name, function in self.functions.items())
-        return self if same else self.changed(**now)
 
     @classmethod
     def second_order(
@@ -456,12 +434,12 @@ class Problem(Displayed):
             >>> solve_ivp(**ivp, method="DOP853", rtol=1e-9).y.shape
             (16, 4)
         """
-        now = self.up_to_date()
+        self.require_equations()
         return {
-            "fun": ScipyFunction(now.rhs, now.y0.shape, now.args),
-            "t_span": (float(now.ts[0]), float(now.ts[-1])),
-            "y0": np.array(now.y0).ravel(),
-            "t_eval": np.array(now.ts),
+            "fun": ScipyFunction(self.rhs, self.y0.shape, self.args),
+            "t_span": (self.t_start, self.t_end),
+            "y0": np.array(self.y0).ravel(),
+            "t_eval": np.array(self.ts),
         }
 
     @property
@@ -628,10 +606,7 @@ class Problem(Displayed):
         self.require_equations()
         if self.energy is None:
             raise bad_value("energy", None, "a function energy(t, y, args)", "pass energy=...")
-        # The function as it is now: what it reads besides its arguments may have changed.
-        inputs = self.ts[0], self.y0, self.args
-        energy = call_user_code("energy", traced, "energy", self.energy, inputs)
-        every = for_each_state(energy)
+        every = for_each_state(self.energy)
         return np.asarray(every(self.ts[: len(states)], states, self.args))
 
     @property
@@ -701,16 +676,6 @@ def require_memory(problem: Problem, copies: int) -> None:
         InputError: they need more memory than there is.
     """
     check_memory(problem.frames, copies * problem.y0.nbytes)
-
-
-def _again(functions: Any) -> Any:
-    """Functions as they are now; the same object if none has changed."""
-    if not isinstance(functions, (FirstOrderForm, Mechanics)):
-        return again(functions)
-    fields = {each.name: getattr(functions, each.name) for each in dataclasses.fields(functions)}
-    now = {name: again(value) for name, value in fields.items()}
-    same = all(now[name] is value for name, value in fields.items())
-    return functions if same else dataclasses.replace(functions, **now)
 
 
 def no_damping(args: Any) -> LinearDamping:

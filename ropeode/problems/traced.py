@@ -1,4 +1,4 @@
-"""A user's function as JAX sees it now, so that nothing compiled from it can be out of date."""
+"""A user's function as JAX sees it when a problem is made."""
 
 from __future__ import annotations
 
@@ -13,9 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, jaxpr_as_fun
 
-from ropeode.errors import call_user_code
 from ropeode.precision import in_float64, rhs_in_float64
-from ropeode.problems.changing import Changing
 from ropeode.problems.memory import TOO_COARSE
 from ropeode.problems.nested_jaxprs import equations, evaluated
 from ropeode.validation import bad_value
@@ -31,7 +29,7 @@ _PLAIN_BITS = 16
 _OWN = os.path.dirname(os.path.dirname(__file__)) + os.sep
 
 
-class Traced(Changing):
+class Traced:
     """A function in JAX: the operations that it consists of, and the numbers in them.
 
     It never changes: what the function reads besides its arguments (a closure, a global variable,
@@ -67,7 +65,8 @@ class Traced(Changing):
         _refuse_callbacks(name, self.jaxpr)
         _require_float64(name, self.jaxpr)
         self._operations = jaxpr_as_fun(self.jaxpr)
-        self._digest = jaxpr_digest(self.jaxpr)
+        # The same numbers in other trees are inputs of another function.
+        self._digest = jaxpr_digest(self.jaxpr) + str(jax.tree.structure(self.inputs))
         if any(each.primitive.name == "custom_jvp_call" for each in equations(self.jaxpr)):
             # What such a function says of its derivative is no part of its operations. Where
             # another primitive has no derivative, nobody can ask for this one.
@@ -93,11 +92,6 @@ class Traced(Changing):
         return tree == others and all(
             np.shape(leaf) == one.shape for leaf, one in zip(leaves, own, strict=True)
         )
-
-    def again(self) -> Traced:
-        """The function as it is now; the same object where it still computes the same."""
-        now = call_user_code(self.name, Traced, self.name, self.function, self.inputs)
-        return self if now == self else now
 
     def _slope(self, *leaves: Any) -> Any:
         """The derivative along all floating-point inputs."""

@@ -203,7 +203,7 @@ def _each(
     from ropeode.references.ensemble import or_refused, side_by_side
 
     check_kind("ensemble", ensemble, Ensemble, "Ensemble.of")
-    ensemble = ensemble.up_to_date()
+    ensemble.first.require_equations()
     if options.level == "consensus" and not options.dense:
         return side_by_side(ensemble, options, workers, progress)
     solve = functools.partial(_reference, options=options, progress=progress)
@@ -213,7 +213,7 @@ def _each(
 def _reference(problem: Problem, options: ReferenceOptions, progress: Progress) -> Reference:
     # Of the ladder, of the witnesses, and of the differences between them.
     require_memory(problem, copies=6)
-    problem = problem.up_to_date()
+    problem.require_equations()
     with without_memory(problem):
         if options.level == "extended":
             # Not above: heyoka is an extra.

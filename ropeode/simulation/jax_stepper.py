@@ -150,7 +150,7 @@ def jax_stepper(problem: Problem, stepper: Any) -> JaxStepper:
         Array([200.  , 195.55, 195.54, 195.54], dtype=float64)
     """
     require_problem(problem)
-    problem = problem.up_to_date()
+    problem.require_equations()
     method = method_of(stepper, problem)
     if not method.trial.compiled:
         raise bad_value(

@@ -111,7 +111,7 @@ def simulate(
     require_problem(given)
     require_memory(given, copies=1)
     steps = check_whole("steps_per_frame", steps_per_frame, at_least=1, example="64")
-    given = given.up_to_date()
+    given.require_equations()
     method = method_of(stepper, given)
     own = Numbers(given.y0[..., None], jax.tree.map(lambda leaf: leaf[..., None], given.args))
     longest = check_longest(time_limit)
@@ -153,8 +153,8 @@ def simulate_chunks(
     """
     check_kind("ensemble", ensemble, Ensemble, "Ensemble.of")
     steps = check_whole("steps_per_frame", steps_per_frame, at_least=1, example="64")
-    ensemble = ensemble.up_to_date()
     first = ensemble.first
+    first.require_equations()
     method = method_of(stepper, first)
     for each in ensemble.built_apart:
         method.stepper.require(each)

@@ -248,7 +248,8 @@ def horizon(
         <Horizon: rope, 4 nodes, damping 0.01, 3 frames; float64 trusted to the end>
     """
     require_problem(problem)
-    problem, spans = problem.up_to_date(), check_spans(problem, spans)
+    problem.require_equations()
+    spans = check_spans(problem, spans)
     digits = check_whole("digits", digits, at_least=1, example="18")
     time_limit = check_positive("time_limit", time_limit, example="60")
     heyoka()

@@ -436,7 +436,8 @@ def work_precision(
     run_limit = check_positive("run_limit", run_limit, example="10")
     rounds = check_whole("rounds", rounds, at_least=1, example="5")
     reference = reference_for(problem, options, lambda text, _: progress(text, 0.0))
-    solved = own.up_to_date()
+    own.require_equations()
+    solved = own
     if reference.trusted < len(solved.ts):
         solved = solved.until(reference.trusted)
     progress("compiling the methods", 0.1)

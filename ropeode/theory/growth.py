@@ -241,7 +241,7 @@ class LinearisedStep:
 
     def __init__(self, problem: Problem, stepper: Any, y: ArrayLike | None = None):
         require_problem(problem)
-        problem = problem.up_to_date()
+        problem.require_equations()
         problem.require_mechanics("problem")
         method = method_of(stepper, problem)
         self._problem = problem
