@@ -21,6 +21,7 @@ from .report import Claims as Claims
 from .report import Convergence as Convergence
 from .report import Diagnosis as Diagnosis
 from .report import Finding as Finding
+from .report import Quantity as Quantity
 from .report import Status as Status
 from .report import Verdict as Verdict
 from .starter_files import write_assignment as write_assignment

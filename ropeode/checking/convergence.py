@@ -22,7 +22,7 @@ from ropeode.analysis import (
     quantity_distances,
 )
 from ropeode.analysis import resolution as resolution_of
-from ropeode.checking.report import Convergence, Finding
+from ropeode.checking.report import Convergence, Finding, Quantity
 from ropeode.checking.richardson import limit_of
 from ropeode.norms import NORMS, Norm
 from ropeode.references import Reference
@@ -71,9 +71,9 @@ def _finest_resolved(levels: Sequence[int], convergence: Convergence) -> int:
     return max(
         (
             steps
-            for quantity, errors in convergence.errors.items()
-            for steps, error in zip(levels, errors, strict=True)
-            if error is not None and error >= convergence.resolution[quantity]
+            for quantity in convergence.quantities.values()
+            for steps, error in zip(levels, quantity.errors, strict=True)
+            if error is not None and error >= quantity.resolution
         ),
         default=levels[0],
     )
@@ -116,21 +116,15 @@ def converging(
         unsolved: the step sizes of runs that ended since their equations were not solved.
     """
     problem, dts = reference.problem, tuple(dt for dt, _, _ in runs)
-    errors: dict[str, tuple[float | None, ...]] = {}
-    orders: dict[str, ObservedOrder] = {}
-    rounding: dict[str, tuple[float, ...]] = {}
-    resolution: dict[str, float] = {}
-    limits: dict[str, tuple[float, float]] = {}
+    quantities = {}
     for norm in norms or [NORMS[f"{quantity}-max"] for quantity in problem.quantities]:
-        quantity = norm.quantity
         own = tuple(_round_off(states, double, reference, norm) for _, states, double in runs)
-        rounding[quantity] = own
-        errors[quantity] = tuple(_largest_error(states, reference, norm) for _, states, _ in runs)
-        resolution[quantity] = float(resolution_of(reference, norm)[-1])
-        orders[quantity] = observed_order(
+        errors = tuple(_largest_error(states, reference, norm) for _, states, _ in runs)
+        resolution = float(resolution_of(reference, norm)[-1])
+        order = observed_order(
             dts,
-            errors[quantity],
-            resolution=resolution[quantity],
+            errors,
+            resolution=resolution,
             rounding=own,
             motion=moved(reference, norm),
             claimed=expected,
@@ -138,9 +132,8 @@ def converging(
         )
         # The round-off of the finer half: coarse runs may have grown huge.
         limit = _distance_of_limit(reference, runs, norm, max(own[len(own) // 2 :]))
-        if limit is not None:
-            limits[quantity] = limit
-    return Convergence(problem.name, dts, errors, rounding, resolution, orders, expected, limits)
+        quantities[norm.quantity] = Quantity(errors, own, resolution, *limit, order)
+    return Convergence(problem.name, dts, quantities, expected)
 
 
 def _largest_error(states: np.ndarray, reference: Reference, norm: Norm) -> float | None:
@@ -162,7 +155,7 @@ def _round_off(a: np.ndarray, b: np.ndarray | None, reference: Reference, norm: 
 
 def _distance_of_limit(
     reference: Reference, runs: Sequence[RunAndDouble], norm: Norm, round_off: float
-) -> tuple[float, float] | None:
+) -> tuple[float, float] | tuple[None, None]:
     """The distance of the limit of the runs from the reference, and the largest one allowed."""
     values = [
         reference.problem.quantity(norm.quantity, states[: reference.trusted])
@@ -170,7 +163,7 @@ def _distance_of_limit(
     ]
     limit = limit_of([dt for dt, _, _ in runs], values)
     if limit is None:
-        return None
+        return None, None
     off = quantity_distances(limit.values, reference, norm)
     # The uncertainty is that of a component, of which a node has several.
     per_node = np.sqrt(limit.values.shape[2]) * limit.uncertainty
@@ -181,12 +174,12 @@ def _distance_of_limit(
 
 def convergence_finding(check: str, convergence: Convergence) -> Finding:
     """The verdict on the convergence of runs."""
-    expected, limits = convergence.expected, convergence.limits
-    wrong, words, determined = False, [], True
-    for quantity, order in convergence.orders.items():
-        finest, them = convergence.errors[quantity][-1], PLURAL[quantity]
+    expected, quantities = convergence.expected, convergence.quantities
+    wrong, words, determined = is_wrong(convergence), [], True
+    for name, quantity in quantities.items():
+        order, finest, them = quantity.order, quantity.errors[-1], PLURAL[name]
         if {point.reason for point in order.left_out} == {UNRESOLVED} and not order.used:
-            least = f"below {convergence.resolution[quantity]:.1e}"
+            least = f"below {quantity.resolution:.1e}"
             words.append(f"{them} as exact as the reference: errors {least} at every dt")
         elif order.ci95 is None:
             determined = False
@@ -194,15 +187,13 @@ def convergence_finding(check: str, convergence: Convergence) -> Finding:
         elif order.verdict == "does not converge":
             size = "the run diverges" if finest is None else f"error {finest:.1e}"
             words.append(f"{them} do not converge: {size} at the finest dt")
-            wrong = True
         else:
             low, high = order.ci95
             words.append(f"{them} order {order.observed:.2f} [{low:.2f}, {high:.2f}]")
-            wrong |= expected is not None and order.refutes(expected)
-    for quantity, (off, allowed) in limits.items():
-        if off > allowed:
-            words.append(f"wrong limit of {PLURAL[quantity]}: off by {off:.1e} (± {allowed:.0e})")
-            wrong = True
+    for name, quantity in quantities.items():
+        if quantity.has_wrong_limit():
+            off, allowed = quantity.limit_off, quantity.limit_allowed
+            words.append(f"wrong limit of {PLURAL[name]}: off by {off:.1e} (± {allowed:.0e})")
     line = "; ".join(words)
     if expected is not None:
         line += f"; expected {expected}"
@@ -211,15 +202,35 @@ def convergence_finding(check: str, convergence: Convergence) -> Finding:
         status="fail" if wrong else "pass" if determined else "undetermined",
         line=line,
         evidence={
-            quantity: {
-                "observed": order.observed,
-                "ci95": order.ci95,
-                "verdict": order.verdict,
-                "limit_off": limits[quantity][0] if quantity in limits else None,
+            name: {
+                "observed": each.order.observed,
+                "ci95": each.order.ci95,
+                "verdict": each.order.verdict,
+                "limit_off": each.limit_off,
             }
-            for quantity, order in convergence.orders.items()
+            for name, each in quantities.items()
         },
         convergence=convergence,
+    )
+
+
+def is_wrong(
+    convergence: Convergence,
+    counts: Callable[[ObservedOrder], bool] = lambda _: True,
+    certainty: float = 1.0,
+) -> bool:
+    """Whether an order is lower than the claimed one, or runs tend to another solution.
+
+    Arguments:
+        convergence: of the runs.
+        counts: whether an order is evidence.
+        certainty: by how many times the allowed distance a limit must be off.
+    """
+    return any(
+        # Without a claim, runs are refuted that do not converge.
+        (counts(each.order) and each.order.refutes(convergence.expected or 0))
+        or each.has_wrong_limit(certainty)
+        for each in convergence.quantities.values()
     )
 
 
@@ -229,11 +240,12 @@ def falls_too_slowly(convergence: Convergence) -> bool:
     That refutes no order where the runs may be too coarse for one, or rounding hides it.
     """
     expected = convergence.expected or 1
-    for quantity, order in convergence.orders.items():
+    for quantity in convergence.quantities.values():
+        order = quantity.order
         lost = {point.dt for point in order.left_out if point.reason in (UNRESOLVED, ROUND_OFF)}
         points = [
             (dt, error)
-            for dt, error in zip(convergence.dts, convergence.errors[quantity], strict=True)
+            for dt, error in zip(convergence.dts, quantity.errors, strict=True)
             if error and np.isfinite(error)
         ]
         if order.verdict != "undetermined" or lost or len(points) < _LEVELS:

@@ -393,7 +393,7 @@ def _notes(runs: Sequence[Run], reference: Reference, order: Finding) -> list[st
     if runs[0].named:
         one = step_size(reference.problem, 1)
         steps = ", ".join(f"{one / run.dt:g} in {run.path.name}" for run in runs)
-        notes.append(f"steps per frame are those of the file names: {steps}")
+        notes.append(f"steps per frame go by the file names: {steps}")
     if runs[0].quantities != reference.problem.quantities:
         notes.append("the files have no velocities: only positions are graded")
     return notes

@@ -78,6 +78,7 @@ class Quantity:
 
     Arguments:
         errors: the largest error at each step size; None for a run that diverged.
+        rounding: the round-off at each step size; 0 where it is not known.
         resolution: ten times the reference's estimated bound: a smaller error is unresolved.
         limit_off: the distance between the limit of the runs as dt goes to zero and the reference;
             None where too few runs have a limit.
@@ -86,10 +87,16 @@ class Quantity:
     """
 
     errors: tuple[float | None, ...]
+    rounding: tuple[float, ...]
     resolution: float
     limit_off: float | None
     limit_allowed: float | None
     order: ObservedOrder
+
+    def has_wrong_limit(self, certainty: float = 1.0) -> bool:
+        """Whether the limit is off by more than so many times what is allowed."""
+        off, allowed = self.limit_off, self.limit_allowed
+        return off is not None and allowed is not None and off > certainty * allowed
 
 
 @json_shows("problem", "expected", "dt=dts", "quantities")
@@ -100,40 +107,24 @@ class Convergence:
     Arguments:
         problem: its name.
         dts: step sizes, from coarse to fine.
-        errors: for each quantity (position, velocity) the largest error at each step size;
-            None for a run that diverged.
-        rounding: for each quantity the round-off at each step size; 0 where it is not known.
-        resolution: for each quantity ten times the reference's estimated bound: a smaller
-            error is unresolved.
-        orders: the observed order of each quantity.
+        quantities: position and velocity, or the state, each with its errors and order.
         expected: the order that is claimed on this problem; None if nothing is claimed.
-        limits: for each quantity the distance between the limit of the runs for dt to zero and
-            the reference, and the largest distance that the uncertainty of both allows; without
-            the quantities that have too few runs for a limit.
     """
 
     problem: str
     dts: tuple[float, ...]
-    errors: Mapping[str, tuple[float | None, ...]]
-    rounding: Mapping[str, tuple[float, ...]]
-    resolution: Mapping[str, float]
-    orders: Mapping[str, ObservedOrder]
+    quantities: Mapping[str, Quantity]
     expected: int | None
-    limits: Mapping[str, tuple[float, float]]
+
+    @property
+    def orders(self) -> dict[str, ObservedOrder]:
+        """The observed order of each quantity."""
+        return {name: each.order for name, each in self.quantities.items()}
 
     @property
     def has_orders(self) -> bool:
         """Whether each quantity shows one."""
         return all(order.ci95 is not None for order in self.orders.values())
-
-    @property
-    def quantities(self) -> dict[str, Quantity]:
-        """Position and velocity, or the state, each with its errors and order."""
-        found = {}
-        for name, order in self.orders.items():
-            off, allowed = self.limits.get(name, (None, None))
-            found[name] = Quantity(self.errors[name], self.resolution[name], off, allowed, order)
-        return found
 
 
 @json_shows("check", "status", "finding=line", "evidence", "convergence")

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ropeode.analysis import UNSOLVED
-from ropeode.checking import CheckReport, Claims, Convergence
+from ropeode.checking import CheckReport, Claims, Convergence, Quantity
 from ropeode.render.markup import Block, Code, Grid, Heading, Paragraph
 from ropeode.render.results import blocks, line, rows
 from ropeode.theory import Diagnosis
@@ -170,12 +170,12 @@ def _errors_title(convergence: Convergence) -> str:
 
 
 def _errors_grid(convergence: Convergence) -> Grid:
-    quantities = list(convergence.errors)
+    quantities = convergence.quantities
     runs = [
         (
             f"{dt:.4g}",
-            *(_error(convergence, q, i) for q in quantities),
-            _not_used({q: _left_out(convergence, q, dt) for q in quantities}),
+            *(_error(each.errors[i], each, dt) for each in quantities.values()),
+            _not_used({name: _left_out(each, dt) for name, each in quantities.items()}),
         )
         for i, dt in enumerate(convergence.dts)
     ]
@@ -192,15 +192,11 @@ def _not_used(reasons: Mapping[str, str]) -> str:
     return "; ".join(f"{why} ({quantity})" for quantity, why in reasons.items() if why)
 
 
-def _error(convergence: Convergence, quantity: str, i: int) -> str:
-    error, resolution = convergence.errors[quantity][i], convergence.resolution[quantity]
+def _error(error: float | None, quantity: Quantity, dt: float) -> str:
     if error is None:
-        reason = _left_out(convergence, quantity, convergence.dts[i])
-        return UNSOLVED if reason == UNSOLVED else "diverged"
-    return f"< {resolution:.1e}" if error < resolution else f"{error:.3e}"
+        return UNSOLVED if _left_out(quantity, dt) == UNSOLVED else "diverged"
+    return f"< {quantity.resolution:.1e}" if error < quantity.resolution else f"{error:.3e}"
 
 
-def _left_out(convergence: Convergence, quantity: str, dt: float) -> str:
-    return next(
-        (point.reason for point in convergence.orders[quantity].left_out if point.dt == dt), ""
-    )
+def _left_out(quantity: Quantity, dt: float) -> str:
+    return next((point.reason for point in quantity.order.left_out if point.dt == dt), "")

@@ -6,24 +6,22 @@ import numpy as np
 import pytest
 
 from ropeode.analysis import ROUND_OFF, observed_order
-from ropeode.checking import Convergence, convergence_finding, falls_too_slowly
+from ropeode.checking import Convergence, Quantity, convergence_finding, falls_too_slowly
 from ropeode.checking.richardson import limit_of
 from ropeode.checking.trajectories.coarse_steps import by_coarse_steps
 
 
-def made_up(dts, errors, claimed, resolution=0.0, rounding=None, limits=None):
+def made_up(dts, errors, claimed, resolution=0.0, rounding=None, limit=(None, None)):
     """Positions with such errors."""
     rounding = np.zeros(len(dts)) if rounding is None else rounding
     order = observed_order(dts, errors, claimed=claimed, resolution=resolution, rounding=rounding)
     return Convergence(
         problem="made up",
         dts=tuple(dts),
-        errors={"position": tuple(errors)},
-        rounding={"position": tuple(rounding)},
-        resolution={"position": resolution},
-        orders={"position": order},
+        quantities={
+            "position": Quantity(tuple(errors), tuple(rounding), resolution, *limit, order)
+        },
         expected=claimed,
-        limits=limits or {},
     )
 
 
@@ -77,12 +75,12 @@ DTS = 0.02 / 1.5 ** np.arange(7)
 ROUNDING = 2e-5 * DTS**-1.5
 
 
-def in_single_precision(errors, rounding=ROUNDING, limits=None, claimed=None):
+def in_single_precision(errors, rounding=ROUNDING, limit=(None, None), claimed=None):
     """The order that is found in errors with so much round-off."""
 
     def observe(count, share=0.0):
         floor = share * rounding[:count]
-        return made_up(DTS[:count], errors[:count], claimed, rounding=floor, limits=limits)
+        return made_up(DTS[:count], errors[:count], claimed, rounding=floor, limit=limit)
 
     return by_coarse_steps(observe, observe(len(DTS), 0.1), 0.1).orders["position"]
 
@@ -105,7 +103,7 @@ SQUARES = DTS**2 * np.array([1.0, 1.5, 1.0, 1.5, 1.0, 1.0, 1.0])
         # The runs tend to something else than the solution.
         (
             DTS + np.where(DTS < 0.003, 0.005 * ROUNDING, 0.0),
-            {"limits": {"position": (2e-3, 1e-3)}},
+            {"limit": (2e-3, 1e-3)},
             "undetermined",
         ),
         # A plateau is no round-off, whether there may be much of it or little.

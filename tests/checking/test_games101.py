@@ -170,7 +170,7 @@ def test_the_answers_of_the_tutorial(mine, known, words):
         assert words in order.line
         return
     errors, cause = wrong
-    assert order.convergence.errors["position"] == pytest.approx(errors, rel=0.025)
+    assert order.convergence.quantities["position"].errors == pytest.approx(errors, rel=0.025)
     assert report.verdict == "wrong"
     assert report.diagnosis[0].cause == cause
 

@@ -32,7 +32,7 @@ def test_the_others_are_judged(tmp_path, small_rope, known, suffix, number):
     made = files(tmp_path, small_rope, {16: 2}, suffix, number)
     report = grade(made, known, expected_order=2)
     assert report.verdict == "right"
-    assert finding(report).convergence.errors["position"][0] is None
+    assert finding(report).convergence.quantities["position"].errors[0] is None
     (note,) = report.notes
     assert note.startswith("the run with dt = 0.0625 diverged at t = 2 (")
     assert f"16{suffix}, " in note

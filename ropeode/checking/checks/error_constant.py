@@ -25,12 +25,12 @@ def predicted(examination: Examination) -> Finding:
         return Finding(check, "skip", f"nothing is predicted: {prediction}")
     convergence, lines = examination.convergence(_ROPE), []
     evidence: dict[str, Any] = {"order": prediction.order}
-    for quantity, order in convergence.orders.items():
-        errors = zip(convergence.errors[quantity], convergence.rounding[quantity], strict=True)
+    for name, each in convergence.quantities.items():
+        errors = zip(each.errors, each.rounding, strict=True)
         runs = dict(zip(convergence.dts, errors, strict=True))
-        found = error_constant(reference, NORMS[f"{quantity}-max"], runs, order, prediction)
-        lines.append(f"{quantity} {_words(found)}")
-        evidence[quantity] = {
+        found = error_constant(reference, NORMS[f"{name}-max"], runs, each.order, prediction)
+        lines.append(f"{name} {_words(found)}")
+        evidence[name] = {
             "predicted": found.predicted,
             "measured": found.measured,
             "ratio": found.ratio,

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ropeode.analysis import FEWEST_POINTS, ROUND_OFF, LeftOut, ObservedOrder
-from ropeode.checking.report import Convergence
+from ropeode.checking.report import Convergence, Quantity
 
 # Round-off grows as dt shrinks, so that it never makes errors fall with a power of dt. By chance
 # three of them may lie on a line; where round-off may be that large, it takes one more, and an
@@ -39,29 +39,30 @@ def by_coarse_steps(
     """
     counts = range(len(careful.dts), FEWEST_POINTS, -1)
     parts = [(count, observe(count)) for count in counts]
-    orders = dict(careful.orders)
-    for quantity in orders:
-        worst = np.array(careful.rounding[quantity]) / share
+    quantities = dict(careful.quantities)
+    for name, whole in careful.quantities.items():
         for count, part in parts:
-            order = part.orders[quantity]
-            off, allowed = part.limits.get(quantity, (0.0, 0.0))
-            if off <= allowed and _is_shown(order, careful, quantity, worst, count):
+            order = part.orders[name]
+            if part.quantities[name].has_wrong_limit():
+                continue
+            if _is_shown(order, whole, np.array(careful.dts), share, count):
                 finer = tuple(LeftOut(dt, ROUND_OFF) for dt in careful.dts[count:])
-                orders[quantity] = dataclasses.replace(order, left_out=order.left_out + finer)
+                shown = dataclasses.replace(order, left_out=order.left_out + finer)
+                quantities[name] = dataclasses.replace(whole, order=shown)
                 break
-    return dataclasses.replace(careful, orders=orders)
+    return dataclasses.replace(careful, quantities=quantities)
 
 
 def _is_shown(
-    order: ObservedOrder, careful: Convergence, quantity: str, worst: np.ndarray, count: int
+    order: ObservedOrder, whole: Quantity, dts: np.ndarray, share: float, count: int
 ) -> bool:
     """Whether so many runs show an order, and round-off explains the others."""
     if order.verdict != "converges" or order.observed is None or order.ci95 is None:
         return False
-    dts = np.array(careful.dts)
-    errors = np.array([np.inf if each is None else each for each in careful.errors[quantity]])
-    finest = careful.dts.index(order.used[-1])
-    doubtful = LeftOut(order.used[-1], ROUND_OFF) in careful.orders[quantity].left_out
+    worst = np.array(whole.rounding) / share
+    errors = np.array([np.inf if each is None else each for each in whole.errors])
+    finest = int(np.flatnonzero(dts == order.used[-1])[0])
+    doubtful = LeftOut(order.used[-1], ROUND_OFF) in whole.order.left_out
     predicted = errors[finest] * (dts[count:] / dts[finest]) ** order.observed
     rounding = np.abs(errors[count:] - predicted)
     at_finest = rounding * (dts[count:] / dts[finest]) ** _GROWTH

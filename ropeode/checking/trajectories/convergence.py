@@ -5,11 +5,9 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from operator import attrgetter
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from ropeode.analysis import (
@@ -26,6 +24,7 @@ from ropeode.checking.convergence import (
     convergence_finding,
     converging,
     finest_is_unstable,
+    is_wrong,
 )
 from ropeode.checking.report import Convergence, Finding
 from ropeode.checking.trajectories.coarse_steps import by_coarse_steps
@@ -35,6 +34,7 @@ from ropeode.checking.written_precision import digits_of, single_precision
 from ropeode.norms import NORMS, Norm
 from ropeode.precision import in_float64
 from ropeode.references import Reference, time_derivatives
+from ropeode.theory import derivative_of_rhs
 from ropeode.validation import listed
 
 # Errors below 30 times the round-off are left out; for the largest possible round-off, three times
@@ -95,13 +95,10 @@ def order_finding(
         return finding, ()
     careful = observe(reference, runs, worst)
     if not single and (exact := _exact(reference, careful)):
-        others = _judged(
-            as_written,
-            [name for name in as_written.orders if name not in exact],
-            [name for name in as_written.limits if name not in exact],
-        )
+        rest = {name: q for name, q in as_written.quantities.items() if name not in exact}
+        others = convergence_finding("order", dataclasses.replace(as_written, quantities=rest))
         if _is_right(others):
-            both = len(exact) < len(as_written.orders)
+            both = len(exact) < len(as_written.quantities)
             line = "; ".join([*exact.values(), others.line] if both else exact.values())
             return dataclasses.replace(others, line=line, convergence=careful), ()
     if single:
@@ -189,10 +186,10 @@ def _exact(reference: Reference, careful: Convergence) -> dict[str, str]:
     """
     problem, dt, found = reference.problem, max(careful.dts), {}
     ts, highest = problem.ts[: reference.trusted], careful.expected or _HIGHEST
-    for name, errors in careful.errors.items():
-        least = careful.resolution[name]
-        largest = np.maximum(_ROUNDINGS / _SHARE * np.array(careful.rounding[name]), least)
-        off = np.array(errors, dtype=np.float64)  # Not-a-number for a run that diverged.
+    for name, each in careful.quantities.items():
+        rounding = _ROUNDINGS / _SHARE * np.array(each.rounding)
+        largest = np.maximum(rounding, each.resolution)
+        off = np.array(each.errors, dtype=np.float64)  # Not-a-number for a run that diverged.
         if not np.all(off <= largest):
             continue
         motion, span = moved(reference, NORMS[f"{name}-max"]), float(ts[-1] - ts[0])
@@ -217,25 +214,12 @@ def _is_right(finding: Finding) -> bool:
     return finding.status == "pass" and all(map(shown, orders.values()))
 
 
-def _judged(convergence: Convergence, orders: Iterable[str], limits: Iterable[str]) -> Finding:
-    """The verdict on the orders of some quantities, and the limits of some, alone."""
-    rest = dataclasses.replace(
-        convergence,
-        orders={name: convergence.orders[name] for name in orders},
-        limits={name: convergence.limits[name] for name in limits},
-    )
-    return convergence_finding("order", rest)
-
-
 def _is_refuted(convergence: Convergence) -> bool:
     """Whether the quantities that do show an order are wrong, or the limit certainly is."""
-    known = [name for name, order in convergence.orders.items() if shown(order)]
-    limits = convergence.limits
     if finest_is_unstable(convergence):
         # Then any order is that of a few coarse runs, or of growing errors.
-        known = []
-        limits = [name for name, (off, most) in limits.items() if off > _CERTAINLY * most]
-    return _judged(convergence, known, limits).status == "fail"
+        return is_wrong(convergence, lambda _: False, _CERTAINLY)
+    return is_wrong(convergence, shown)
 
 
 def _has_lower_order(convergence: Convergence) -> bool:
@@ -243,13 +227,12 @@ def _has_lower_order(convergence: Convergence) -> bool:
 
     Pre-asymptotic errors fall more slowly than with order 1.
     """
-    known = [
-        name
-        for name, order in convergence.orders.items()
-        if shown(order) and order.ci95 is not None and order.ci95[1] >= 1.0 - ORDER_TOLERANCE
-    ]
-    stable = not finest_is_unstable(convergence)
-    return stable and _judged(convergence, known, ()).status == "fail"
+
+    def is_whole(order: ObservedOrder) -> bool:
+        high = order.ci95[1] if order.ci95 is not None else -math.inf
+        return shown(order) and high >= 1.0 - ORDER_TOLERANCE
+
+    return not finest_is_unstable(convergence) and is_wrong(convergence, is_whole, math.inf)
 
 
 def _resolved(reference: Reference, dt: float) -> tuple[Reference | None, str]:
@@ -298,9 +281,9 @@ def unstable_steps(reference: Reference, convergence: Convergence) -> dict[str, 
         Step sizes, from coarse to fine, by what is said of them; none that is said of none.
     """
     found: dict[float, bool] = {}
-    for name, order in convergence.orders.items():
-        motion = moved(reference, NORMS[f"{name}-max"])
-        known = dict(zip(convergence.dts, convergence.errors[name], strict=True))
+    for name, each in convergence.quantities.items():
+        motion, order = moved(reference, NORMS[f"{name}-max"]), each.order
+        known = dict(zip(convergence.dts, each.errors, strict=True))
         errors = {dt: math.inf if error is None else error for dt, error in known.items()}
         grown = max(_GROWN * min(errors.values()), _FAR_ABOVE * motion)
         for point in order.left_out if order.verdict == "undetermined" else ():
@@ -370,23 +353,17 @@ def fastest_rate(reference: Reference) -> float:
     By powers of the Jacobian at states of the reference; the geometric mean of their growth is
     a few percent off.
     """
-    problem = reference.problem
-    states = reference.states[: reference.trusted]
-    chosen = np.unique(np.linspace(0, len(states) - 1, _STATES).astype(int))
+    problem, product = reference.problem, derivative_of_rhs(reference.problem)
+    chosen = np.unique(np.linspace(0, reference.trusted - 1, _STATES).astype(int))
+    ts, states, grown = problem.ts[chosen], reference.states[chosen], np.zeros(len(chosen))
     start = np.random.default_rng(0).normal(size=problem.y0.shape)
-
-    def growth(t: jax.Array, y: jax.Array) -> jax.Array:
-        def product(carry: tuple[jax.Array, jax.Array], _: None):
-            direction, total = carry
-            ahead = jax.jvp(lambda y: problem.rhs(t, y, problem.args), (y,), (direction,))[1]
-            size = jnp.sqrt(jnp.sum(ahead**2))
-            return (ahead / jnp.maximum(size, 1e-300), total + jnp.log(size)), None
-
-        (_, total), _ = jax.lax.scan(product, (start, jnp.zeros(())), None, length=_PRODUCTS)
-        return jnp.exp(total / _PRODUCTS)
-
-    each = jax.jit(jax.vmap(growth))(problem.ts[chosen], states[chosen])
-    return float(np.nanmax(each))
+    directions = np.broadcast_to(start, states.shape)
+    for _ in range(_PRODUCTS):
+        ahead = product(ts, states, directions)
+        sizes = np.linalg.norm(ahead.reshape(len(ahead), -1), axis=1)
+        grown += np.log(np.maximum(sizes, 1e-300))
+        directions = ahead / np.maximum(sizes, 1e-300).reshape(-1, *[1] * (ahead.ndim - 1))
+    return float(np.exp(np.nanmax(grown) / _PRODUCTS))
 
 
 def _before_blow_up(reference: Reference, runs: Sequence[Run]) -> dict[str, str]:

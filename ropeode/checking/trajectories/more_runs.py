@@ -160,8 +160,9 @@ def _order(
 def _shows_an_order(convergence: Convergence) -> bool:
     """Whether all quantities converge, to the right solution."""
     return all(
-        shown(order) and order.verdict == "converges" for order in convergence.orders.values()
-    ) and all(off <= allowed for off, allowed in convergence.limits.values())
+        shown(each.order) and each.order.verdict == "converges" and not each.has_wrong_limit()
+        for each in convergence.quantities.values()
+    )
 
 
 def advice(problem: Problem, claims: Claims, finest: float) -> str:

@@ -239,10 +239,10 @@ def opened_files(
     if dts is not None and len(dts) != len(opened):
         allowed = f"one for each of the {len(opened)} files, in the same order"
         raise bad_value("dt", len(dts), allowed, "give one for each file")
-    named, why = None, ""
-    if all(file.dt is None for file in opened):
-        named, why = _step_sizes_in_names([file.path for file in opened], dts, problem)
-    return opened, _step_sizes(opened, problem, named or dts, why), named is not None
+    named = None
+    if problem.equal_frames and all(file.dt is None for file in opened):
+        named = _step_sizes_in_names([file.path for file in opened], dts, step_size(problem, 1))
+    return opened, _step_sizes(opened, problem, named or dts), named is not None
 
 
 def _open(files: Sequence[str | Path], layout: Layout, fewest: int) -> list[File]:
@@ -268,48 +268,30 @@ def _open(files: Sequence[str | Path], layout: Layout, fewest: int) -> list[File
 
 
 def _step_sizes_in_names(
-    paths: Sequence[Path], dts: Sequence[Any] | None, problem: Problem
-) -> tuple[list[float] | None, str]:
-    """The step size of each file, if its name decides that; and why the names do not.
-
-    Raises:
-        InputError: the step sizes are those of the names, but for their order and the unit.
-    """
-    try:
-        if not problem.equal_frames:
-            raise ValueError("the frames of the problem differ in length")
-        steps, frame = _steps_in(paths), step_size(problem, 1)
-        given = None if dts is None else [positive_number(dt) for dt in dts]
-    except ValueError as error:
-        return None, str(error)
-    if given is None:
-        return [frame / n for n in steps], ""
-    # The step sizes in the order that the names ask for.
-    named = np.sort(given)[np.argsort(np.argsort(-np.array(steps)))]
-    if _are_all(named * steps, frame):
-        return (None if named.tolist() == given else named.tolist()), ""
-    one_over, proportional = np.multiply(given, steps), np.divide(given, steps)
-    as_given = _are_all(one_over, one_over[0]) or _are_all(proportional, proportional[0])
-    if _are_all(named * steps, float(named[0] * steps[0])) and not as_given:
-        names = ", ".join(path.name for path in paths)
-        allowed = (
-            f"step sizes in the order of the files {names} (in another order, they would be "
-            "proportional to one over the number)"
-        )
-        raise bad_value("dt", given, allowed, "sort them as the files")
-    return None, ""
-
-
-def _step_sizes(
-    files: Sequence[File], problem: Problem, dts: Sequence[Any] | None, why: str = ""
-) -> list[float]:
-    """The step size of each file, from the file or from the caller.
+    paths: Sequence[Path], dts: Sequence[Any] | None, frame: float
+) -> list[float] | None:
+    """The step size of each file, if its name decides that.
 
     Arguments:
-        files: opened.
-        problem: that they should solve.
-        dts: from the caller, or from the names.
-        why: why the names do not say it.
+        paths: of the files.
+        dts: from the caller, maybe in the order in which a shell lists the files.
+        frame: its length.
+    """
+    steps = _steps_in(paths)
+    if steps is None or dts is None:
+        return None if steps is None else [frame / n for n in steps]
+    try:
+        given = [positive_number(dt) for dt in dts]
+    except ValueError:
+        return None
+    # In the order that the names ask for; but the names may be the step sizes in another unit.
+    named = np.sort(given)[np.argsort(np.argsort(-np.array(steps)))]
+    is_so = _are_equal(named * steps) and not _are_equal(np.divide(given, steps))
+    return named.tolist() if is_so and named.tolist() != given else None
+
+
+def _step_sizes(files: Sequence[File], problem: Problem, dts: Sequence[Any] | None) -> list[float]:
+    """The step size of each file, from the file, or from the caller or the names.
 
     Raises:
         InputError: one is missing, not a positive number, repeated, or contradictory.
@@ -320,10 +302,10 @@ def _step_sizes(
         given = (file.dt, None if dts is None else dts[index])
         values = [_step_size(file, each, problem) for each in given if each is not None]
         if not values:
-            allowed = "the step size, in the file or as --dt with one for each file" + (
-                f"; names say it where they differ in the steps per frame alone ({why})"
-                if why
-                else ""
+            allowed = (
+                "the step size, in the file or as --dt with one for each file; or, with frames of "
+                "equal length, names that differ in a single number, the steps per frame (not 1, "
+                "2, 3, which may number the files)"
             )
             in_csv = isinstance(file, CsvFile)
             fix = "write '# dt = 0.01' above the header" if in_csv else "store a number dt as well"
@@ -511,35 +493,25 @@ def _check_spacing(
         )
 
 
-def _steps_in(paths: Sequence[Path]) -> list[int]:
+def _steps_in(paths: Sequence[Path]) -> list[int] | None:
     """The steps per frame in the names of files that differ in nothing else.
 
-    Arguments:
-        paths: of the files, at least two.
-
-    Raises:
-        ValueError: the names may mean something else; its text says why.
+    Returns:
+        None if the names may mean something else: numbers in a row may number the files.
     """
     names = [path.stem for path in paths]
-    numbers = [_NUMBER.findall(name) for name in names]
     if len({_NUMBER.sub("#", name) for name in names}) > 1:
-        raise ValueError("the names differ in more than a number")
-    differing = [column for column in zip(*numbers, strict=True) if len(set(column)) > 1]
-    if not differing:
-        raise ValueError("no number tells the names apart")
-    if len(differing) > 1:
-        raise ValueError("the names differ in more than one number")
-    for text in differing[0]:
-        if not text.isdecimal() or int(text) < 1:
-            raise ValueError(f"{text} in a name is no number of steps")
+        return None
+    columns = zip(*(_NUMBER.findall(name) for name in names), strict=True)
+    differing = [column for column in columns if len({*column}) > 1]
+    if len(differing) != 1 or not all(text.isdecimal() and int(text) for text in differing[0]):
+        return None
     steps = [int(text) for text in differing[0]]
-    if max(steps) - min(steps) == len(steps) - 1:
-        raise ValueError(f"{min(steps)} to {max(steps)} in the names may number the files")
-    return steps
+    return None if max(steps) - min(steps) == len(steps) - 1 else steps
 
 
-def _are_all(values: np.ndarray, value: float) -> bool:
-    return bool(np.all(np.abs(values - value) <= _SAME * abs(value)))
+def _are_equal(values: np.ndarray) -> bool:
+    return bool(np.all(np.abs(values - values[0]) <= _SAME * abs(values[0])))
 
 
 def for_each_file(paths: Sequence[Path], work: Callable[[int], T]) -> list[T]:

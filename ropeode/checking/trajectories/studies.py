@@ -80,12 +80,12 @@ def trajectory_errors(
     runs, measure = _runs(files, problem, dts, norm, progress, asked)
     reference = _reference(problem, progress, asked)
     observed = converging_runs(reference, runs, norms=[measure])
-    order = observed.orders[measure.quantity]
+    order = observed.quantities[measure.quantity].order
     if order.verdict != "converges" or not shown(order):
         # As `ropeode grade` has it: the largest round-off that a sound program has counts, too.
         worst = functools.partial(worst_rounding, reference=reference)
         order = converging_runs(reference, runs, worst, norms=[measure]).orders[measure.quantity]
-    name, smallest = names_of(runs), observed.resolution[measure.quantity]
+    name, smallest = names_of(runs), observed.quantities[measure.quantity].resolution
     series = [error_series(run.states, reference, measure.name) for run in runs]
     return AccuracyTable(
         problem=reference.problem,
