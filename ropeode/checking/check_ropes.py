@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from ropeode.problems import Problem, rope
 from ropeode.problems.links import LinearDamping
 from ropeode.problems.rope import RopeArgs
+from ropeode.validation import is_traced
 
 NODES, DIM = 5, 3
 
@@ -59,6 +60,37 @@ def acceleration(t: Any, x: Any, v: Any, args: CheckArgs) -> Any:
     """The rope's acceleration and the drive's; like `x` and `v` ``(nodes, dim)``."""
     drive = args.drive * jnp.cos(args.frequency * t)
     return rope.acceleration(t, x.T, v.T, _as_rope(args)).T + args.free[:, None] * drive
+
+
+def rates(y: np.ndarray, args: CheckArgs) -> np.ndarray:
+    """The right-hand side without the drive, in NumPy, of many states ``(..., 2, nodes, dim)``."""
+    x, v = y[..., 0, :, :], y[..., 1, :, :]
+    return np.stack([v, _undriven(x, v, args)], axis=-3)
+
+
+def _undriven(x: np.ndarray, v: np.ndarray, args: CheckArgs) -> np.ndarray:
+    """The rope's acceleration alone, in NumPy; like `x` and `v` ``(..., nodes, dim)``."""
+    d = x[..., 1:, :] - x[..., :-1, :]
+    # A spring of length zero pulls nowhere, as in `ropeode.problems.rope`.
+    length = np.sqrt(np.sum(d * d, axis=-1) + np.finfo(np.float64).tiny)
+    pull = (args.stiffness * (1.0 - args.rest_length / length))[..., None] * d
+    force = args.mass[:, None] * args.gravity - args.damping[:, None] * v
+    force[..., :-1, :] += pull
+    force[..., 1:, :] -= pull
+    return (args.free / args.mass)[:, None] * force
+
+
+def _acceleration_in_numpy(t: Any, x: Any, v: Any, args: CheckArgs) -> Any:
+    """As `acceleration`, for steps in Python; inside a loop of JAX's own it is traced."""
+    if is_traced((t, x, v, args)):
+        return acceleration(t, x, v, args)
+    x, v, *numbers = map(np.asarray, (x, v, *args))
+    args = CheckArgs(*numbers)
+    return _undriven(x, v, args) + args.free[:, None] * (args.drive * np.cos(args.frequency * t))
+
+
+# A call of what JAX compiles takes twice as long, and compiles it for each number of nodes.
+acceleration.in_numpy = _acceleration_in_numpy  # type: ignore[attr-defined]
 
 
 def linear_damping(args: CheckArgs) -> LinearDamping:

@@ -37,6 +37,8 @@ _FOLDERS = (
 )
 _LIBRARIES = ("<frozen", *(folder + os.sep for folder in _FOLDERS))
 _ABSENT = object()
+# With these a function reaches variables that are not named in it.
+_ANY_NAME = {"globals", "vars", "setattr", "exec", "eval", "modules", "__dict__", "open"}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -66,7 +68,9 @@ class Memory:
     """
 
     def __init__(self, function: Any, bound: Any):
-        self._places = _places(("attribute self", function), ("bound-argument args", bound))
+        self._places, self._is_whole = _places(
+            ("attribute self", function), ("bound-argument args", bound)
+        )
         self._then = [place.take() for place in self._places]
 
     def restore(self) -> Callable[[], None]:
@@ -94,6 +98,10 @@ class Memory:
                     path = f"{key}" if place.name[-1] == "." else f"[{key!r}]"
                     found.append(_line(f"{place.name}{path}", was, has))
         return found[:_MOST_NAMED]
+
+    def may_have_changed(self) -> bool:
+        """Whether something is different now, or may be where nobody can look."""
+        return not self._is_whole or any(True for _ in self._changed())
 
     def coarse(self) -> list[str]:
         """Numbers with fewer digits than float64, as in ``closure variable `a` in float32``."""
@@ -143,8 +151,8 @@ def _same(a: Any, b: Any) -> bool:
     return isinstance(a, set) and a == b
 
 
-def _places(*roots: tuple[str, Any]) -> list[_Place]:
-    """All places that can be reached from named things, the nearest first."""
+def _places(*roots: tuple[str, Any]) -> tuple[list[_Place], bool]:
+    """All places that can be reached from named things, the nearest first; whether it is all."""
     found: list[_Place] = []
     # By identity, and alive, so that no other object has that one.
     seen: dict[int, Any] = {}
@@ -162,7 +170,14 @@ def _places(*roots: tuple[str, Any]) -> list[_Place]:
         own, inner = _looked_into(name, thing)
         found += own
         waiting += inner
-    return found
+    return found, not waiting and not any(map(_hides, seen.values()))
+
+
+def _hides(thing: Any) -> bool:
+    """Whether a thing may remember what nobody can look at."""
+    if isinstance(thing, types.FunctionType) and not _of_a_library(thing.__code__.co_filename):
+        return not _ANY_NAME.isdisjoint(_names(thing.__code__))
+    return isinstance(thing, Iterator)
 
 
 Named = list[tuple[str, Any]]

@@ -60,6 +60,7 @@ class Trial:
         side_effects: what it does besides returning a result, each as in "modifies args".
         finite: whether its first steps from a regular state are finite.
         asks_for_forces: whether it calls the right-hand side or acceleration that it is handed.
+        remembers: whether something that it may remember has changed, or may have.
     """
 
     compiled: bool
@@ -67,6 +68,7 @@ class Trial:
     finite: bool = True
     side_effects: tuple[str, ...] = ()
     asks_for_forces: bool = True
+    remembers: bool = False
 
     def require_finite(self) -> None:
         """See that the first steps are finite.
@@ -151,11 +153,13 @@ def _tried(stepper: Stepper, problem: Problem) -> Trial:
             if results.are_written_over and WRITES_OVER not in side_effects:
                 side_effects += (WRITES_OVER,)
             if quick is not None and _agree(quick, slow):
-                return Trial(True, "", finite, side_effects, asks_for_forces)
+                remembers = memory.may_have_changed()
+                return Trial(True, "", finite, side_effects, asks_for_forces, remembers)
             again = on_user_clock(_python_steps, fresh(), t, dt, steps)
     same = np.array_equal(slow, again, equal_nan=True)
     hidden = "" if same else _hidden_state(memory.changes())
-    return Trial(False, hidden, finite, side_effects, asks_for_forces)
+    remembers = memory.may_have_changed()
+    return Trial(False, hidden, finite, side_effects, asks_for_forces, remembers)
 
 
 def _hidden_state(changes: Sequence[str]) -> str:

@@ -11,10 +11,11 @@ import contextlib
 import ctypes
 import functools
 import math
+import os
 import threading
 import time
+import weakref
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 T = TypeVar("T")
@@ -48,7 +49,13 @@ class UserClock:
         self.limit = limit
         self._thread = threading.get_ident()
         self._processor_time = _clock_of(self._thread)
-        self._queued = Path(f"/proc/self/task/{threading.get_native_id()}/schedstat")
+        self._queued: int | None = None
+        # Not there on other systems. It stays open: it is read before and behind each step.
+        with contextlib.suppress(OSError):
+            self._queued = os.open(
+                f"/proc/self/task/{threading.get_native_id()}/schedstat", os.O_RDONLY
+            )
+            weakref.finalize(self, os.close, self._queued)
         # Held while the clock is stopped and while it is read: an interruption reaches the
         # user's code and nothing behind it.
         self._lock = threading.Lock()
@@ -64,10 +71,11 @@ class UserClock:
 
     def _queued_time(self) -> float:
         """The time that the thread was ready to run and did not; 0 where nobody counts it."""
-        # Not there on other systems, nor where the thread has ended meanwhile.
+        # The thread may have ended meanwhile.
         with contextlib.suppress(OSError, IndexError, ValueError):
-            # Linux, Documentation/scheduler/sched-stats.rst: nanoseconds in the second place.
-            self._waited = 1e-9 * int(self._queued.read_text().split()[1])
+            if self._queued is not None:
+                # Linux, Documentation/scheduler/sched-stats.rst: nanoseconds in the second place.
+                self._waited = 1e-9 * int(os.pread(self._queued, 128, 0).split()[1])
         return self._waited
 
     def run(self, function: Callable[..., T], *args: Any) -> T:

@@ -123,6 +123,13 @@ def now_and_then(calls):
     return step
 
 
+def unseen(rhs, t, y, dt, args):
+    """A step that errs once in 700 calls, which it counts in a variable that it does not name."""
+    own = globals()
+    own["MADE"] = own.get("MADE", 0) + 1
+    return y + (1.01 if own["MADE"] % 700 == 0 else 1.0) * dt * np.asarray(rhs(t, y, args))
+
+
 @pytest.mark.parametrize(
     "make",
     [
@@ -130,6 +137,7 @@ def now_and_then(calls):
         MUTANTS["velocity_verlet: every hundredth step left out"].make,
         MUTANTS["velocity_verlet: noise of 1e-9, the same each time"].make,
         functools.partial(now_and_then, 701),
+        lambda: unseen,
         pytest.param(functools.partial(now_and_then, 9000), marks=pytest.mark.slow),
     ],
 )

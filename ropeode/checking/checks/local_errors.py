@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ropeode.checking.check_ropes import Units
+from ropeode.checking.check_ropes import Units, rates
 from ropeode.errors import UserCodeError
 from ropeode.problems import Problem
 from ropeode.simulation import Method
@@ -148,18 +148,6 @@ def why_unknown(error: UserCodeError) -> str:
     if isinstance(error.__cause__, SystemExit):
         raise error
     return error.problems[0].removeprefix("step: ").split("; allowed")[0]
-
-
-def rates(y: np.ndarray, args: Any) -> np.ndarray:
-    """The right-hand side of the rope, of many states ``(..., 2, nodes, dim)``."""
-    x, v = y[..., 0, :, :], y[..., 1, :, :]
-    d = np.diff(x, axis=-2)
-    length = np.linalg.norm(d, axis=-1, keepdims=True)
-    pull = args.stiffness[:, None] * (length - args.rest_length[:, None]) * d / length
-    force = args.mass[:, None] * args.gravity - args.damping[:, None] * v
-    force[..., :-1, :] += pull
-    force[..., 1:, :] -= pull
-    return np.stack([v, (args.free / args.mass)[:, None] * force], axis=-3)
 
 
 def _moved(y: np.ndarray, args: Any, dt: np.ndarray) -> np.ndarray:

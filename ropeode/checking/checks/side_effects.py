@@ -52,9 +52,12 @@ def determinism(examination: Examination) -> Finding:
 
 
 def _repeated(examination: Examination) -> tuple[int, bool]:
-    """How often the same step was made, in Python, and whether it always gave the same."""
-    stepper, problem = examination.stepper, generic()
-    if stepper.compiled is not None:
+    """How often the same step was made, in Python, and whether it always gave the same.
+
+    Not made at all, if the step cannot count: nothing that it might remember has changed.
+    """
+    stepper, problem, trial = examination.stepper, generic(), examination.method.trial
+    if not (trial.remembers or trial.side_effects):
         return 0, True
     own = PythonStepper(problem, stepper)
     t = float(problem.ts[0])

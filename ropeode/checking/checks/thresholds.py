@@ -22,16 +22,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ropeode.checking.check_context import Examination
-from ropeode.checking.check_ropes import DIM, NODES, Units, acceleration, generic
-from ropeode.checking.checks.local_errors import Case, LocalErrors, local_errors, rates, why_unknown
+from ropeode.checking.check_ropes import DIM, NODES, Units, generic, rates
+from ropeode.checking.checks.local_errors import Case, LocalErrors, local_errors, why_unknown
 from ropeode.checking.report import Finding
 from ropeode.checking.time_limit import OutOfTime, within
 from ropeode.errors import UserCodeError
 from ropeode.precision import in_float64
-from ropeode.problems import Mechanics, Problem
+from ropeode.problems import Problem
 from ropeode.simulation import Method
 from ropeode.theory import bisected
-from ropeode.validation import is_traced
 
 # How long steps are beside the shortest time in which something changes. The last ones fill an
 # octave: in units of time that are powers of two there is a step size in every interval of 15 %.
@@ -73,7 +72,7 @@ _LATE, _AWAY = 20, 10
 # Numbers of nodes, those first that people write; in a plane one rope is enough.
 _OFTEN = (2, 3, 4, 6, 7, 8, 9, 10, 16, 20, 32, 33, 50, 51, 64, 65, 66, 100, 101, 128, 129, 200, 256)
 _IN_A_PLANE = 45
-_SIZES = dict.fromkeys([*_OFTEN, *range(2, 131), 201, 255, 257, 300])
+_SIZES = dict.fromkeys([*_OFTEN, *range(2, 41), _IN_A_PLANE, 201, 255, 257, 300])
 
 
 class _Usual(NamedTuple):
@@ -441,25 +440,4 @@ def _of_nodes(nodes: int, told: Callable[[Problem], Problem]) -> Case:
         drive=np.zeros(dim),
     )
     name = f"rope of {nodes} nodes"
-    return Case(
-        told(generic().changed(y0=y0, args=args, name=name, mechanics=_mechanics())), y0[None]
-    )
-
-
-class _InNumPy:
-    """The acceleration of check ropes, which NumPy need not compile for each number of nodes."""
-
-    def __call__(self, t: Any, x: Any, v: Any, args: Any) -> Any:
-        return acceleration(t, x, v, args)
-
-    def in_numpy(self, t: Any, x: Any, v: Any, args: Any) -> Any:
-        if is_traced((t, x, v, args)):
-            return self(t, x, v, args)
-        drive = args.drive * np.cos(args.frequency * t)
-        return rates(np.stack([x, v]), args)[1] + args.free[:, None] * drive
-
-
-@functools.cache
-def _mechanics() -> Mechanics:
-    own = generic().require_mechanics("problem")
-    return dataclasses.replace(own, acceleration=_InNumPy())
+    return Case(told(generic().changed(y0=y0, args=args, name=name)), y0[None])
