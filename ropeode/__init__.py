@@ -10,7 +10,7 @@ from typing import Any
 
 import lazy_loader
 
-from ropeode import written_by
+from ropeode import rooms_above
 
 _public_name, _public_names, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
@@ -21,7 +21,13 @@ def _render() -> Any:
     return render
 
 
-written_by.writer = _render
+def _references() -> Any:
+    from ropeode import references
+
+    return references
+
+
+rooms_above.render, rooms_above.references = _render, _references
 
 
 def __dir__() -> list[str]:

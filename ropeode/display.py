@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ropeode import written_by
+from ropeode import rooms_above
 from ropeode.equality import ByContent
 
 # Of a result's headings, in the middle of somebody's notebook.
@@ -18,16 +18,16 @@ class Displayed(ByContent):
     """
 
     def __repr__(self) -> str:
-        return f"<{type(self).__name__}: {written_by.writer().line(self)}>"
+        return f"<{type(self).__name__}: {rooms_above.render().line(self)}>"
 
     def _repr_markdown_(self) -> str:
         """What a notebook shows where it shows no HTML."""
-        render = written_by.writer()
+        render = rooms_above.render()
         return render.markdown(render.blocks(self), level=_HEADINGS)
 
     def _repr_html_(self) -> str:
         """What a notebook shows."""
-        render = written_by.writer()
+        render = rooms_above.render()
         return render.html_part(render.blocks(self), level=_HEADINGS)
 
 
@@ -47,7 +47,7 @@ class Tabular(Displayed):
             2   2.0 -399.99  198.01
             3   3.0 -399.93  195.54
         """
-        return written_by.writer().dataframe(self)
+        return rooms_above.render().dataframe(self)
 
 
 class Sampled(Tabular):
@@ -64,4 +64,4 @@ class Sampled(Tabular):
             >>> run.to_xarray()["position"].sel(time=3.0, node=3).values.round(2)
             array([-399.93,  195.54])
         """
-        return written_by.writer().dataset(self)
+        return rooms_above.render().dataset(self)

@@ -93,7 +93,7 @@ def error_series(
         reference: of the same problem.
         norm: one of `ropeode.norms.NORMS`; by default the problem's first.
         times: of bare states, ``(times,)``; by default the first sample times of the reference,
-            or those that SciPy returns. At others than these the reference needs dense output.
+            or those that SciPy returns. At others than these the problem is solved again.
 
     Raises:
         InputError: the two are of different problems, the run ended early, the norm does not fit,

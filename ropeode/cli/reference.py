@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
 
 import click
 
 from ropeode.cli.groups import DefaultGroup
 from ropeode.cli.options import OF_RUNS, job_from, no_code_option, table_options
-from ropeode.progress import Progress
 from ropeode.terminal import out_option_with, set_up_jax, with_progress
 
 
@@ -24,9 +24,8 @@ def reference() -> None:
 @reference.command()
 @click.argument("spec", required=False, type=click.Path(path_type=Path))
 @table_options(without=OF_RUNS)
-@click.option("--dense", is_flag=True, help="Compute the states between the samples as well.")
 @out_option_with("A NetCDF file, *.nc.", required=True)
-def compute(spec: Path | None, out: str, dense: bool, **options: str | None) -> None:
+def compute(spec: Path | None, out: str, **options: str | None) -> None:
     """Compute a reference and write it to FILE.
 
     Takes the problem and the reference's settings from SPEC and the options, as `ropeode table`
@@ -34,26 +33,17 @@ def compute(spec: Path | None, out: str, dense: bool, **options: str | None) -> 
     """
     set_up_jax()
     from ropeode.references import (
-        Reference,
         ReferenceOptions,
         check_reference_path,
         reference_for,
         save_reference,
-        with_dense_output,
     )
     from ropeode.render import describe_reference
 
     path = check_reference_path(out)
     job = job_from(spec, options)
-
-    def work(progress: Progress) -> Reference:
-        options = ReferenceOptions(**job.spec.asked)
-        reference = reference_for(job.given, options, progress)
-        if not (dense or job.spec.dense):
-            return reference
-        return with_dense_output(reference, time_limit=options.time_limit, progress=progress)
-
-    computed = with_progress(work)
+    asked = ReferenceOptions(**job.spec.asked)
+    computed = with_progress(functools.partial(reference_for, job.given, asked))
     save_reference(computed, path)
     click.echo(describe_reference(computed), nl=False)
     click.echo(f"wrote {path}")

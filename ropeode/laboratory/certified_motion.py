@@ -9,19 +9,15 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ropeode.analysis import energy_errors, in_other_units
-from ropeode.errors import ReferenceRefused
 from ropeode.laboratory.drawings import Drawing, drawing_of, finite_samples
 from ropeode.norms import Norm, distance, norm_for
 from ropeode.problems import Problem
 from ropeode.progress import Progress, part_of
 from ropeode.references import (
-    Dense,
     Reference,
     ReferenceOptions,
-    kept_or_computed,
     problem_of,
     reference_for,
-    with_dense_output,
 )
 from ropeode.simulation import Method, Trajectory, simulate
 from ropeode.study import EnergyCurves, Row, energies_of, rows_of_run, sampled_finer
@@ -76,10 +72,8 @@ class CertifiedMotion:
     @property
     def nbytes(self) -> int:
         """Memory that it takes, in bytes."""
-        dense = self.finer.dense
-        between = 0 if dense is None else dense.derivatives.nbytes
         arrays = (self.reference.states, self.finer.states, self.points)
-        return between + sum(each.nbytes for each in arrays)
+        return sum(each.nbytes for each in arrays)
 
     def every(self, steps_per_frame: int) -> int:
         """A run has every so manieth of the samples: those at the ends of its steps."""
@@ -142,8 +136,7 @@ def certified_motion(
     """Compute the reference of a problem, and the same between its samples.
 
     Arguments:
-        source: a problem; or its reference, which has the samples that it has, and those between
-            them if it has dense output.
+        source: a problem; or its reference, which has the samples that it has.
         methods: steppers that are compiled meanwhile, before anyone waits for them.
         progress: called before each run of a solver.
 
@@ -151,8 +144,7 @@ def certified_motion(
         ReferenceRefused: no reference can be certified.
     """
     problem = problem_of(source)
-    known = isinstance(source, Reference)
-    parts = 1 if known and source.dense is None else _parts(problem.frames)
+    parts = 1 if isinstance(source, Reference) else _parts(problem.frames)
     finer_problem = sampled_finer(problem, parts)
     assert isinstance(finer_problem, Problem)
     rescaled = in_other_units(problem)
@@ -163,7 +155,7 @@ def certified_motion(
         reference = reference_for(source, ReferenceOptions(), part_of(progress, 0.0, 0.5))
         finer = reference
         if parts > 1:
-            finer = _between_samples(reference, finer_problem, part_of(progress, 0.5, 1.0))
+            finer = reference_for(finer_problem, ReferenceOptions(), part_of(progress, 0.5, 1.0))
     return CertifiedMotion(reference, finer, parts, drawing_of(problem), rescaled)
 
 
@@ -173,31 +165,3 @@ def _parts(frames: int) -> int:
     while parts > 1 and parts * frames > _IN_ALL:
         parts //= 2
     return parts
-
-
-def _between_samples(reference: Reference, finer: Problem, progress: Progress) -> Reference:
-    """The reference with finer samples: from dense output, or solved again where that is dear."""
-    problem = reference.problem
-    dense = _dense_output(reference, progress)
-    if dense is None or dense.times[-1] < problem.ts[-1]:
-        return reference_for(finer, ReferenceOptions(), progress)
-    bounds = {name: dense.bound_at(finer.ts, name) for name in problem.quantities}
-    certificate = dataclasses.replace(
-        reference.certificate, bounds=bounds, trusted=len(finer.ts), drift={}
-    )
-    return Reference(finer, dense.at(finer.ts), certificate, dense)
-
-
-def _dense_output(reference: Reference, progress: Progress) -> Dense | None:
-    """Of a reference that is trusted to the end; None where another solution costs less."""
-    if reference.dense is not None:
-        return reference.dense
-    if reference.horizon is not None or reference.certificate.stiff:
-        return None
-    problem, options = reference.problem, ReferenceOptions(dense=True)
-    compute = functools.partial(with_dense_output, reference, progress=progress)
-    try:
-        return kept_or_computed(problem, options, compute).dense
-    except ReferenceRefused:
-        # The samples may be certified where what lies between them is not.
-        return None

@@ -19,6 +19,7 @@ _STEPS = (
 )
 _DERIVATIVES = "leave it out: derivatives come from JAX, or from differences"
 _TOLERANCES = "hand it to reference(problem, rtol=..., atol=...)"
+_BETWEEN = "leave it out: reference(problem).at(times) has the states at any times"
 _OF_SCIPY = {
     "event": _PIECES,
     "events": _PIECES,
@@ -28,7 +29,8 @@ _OF_SCIPY = {
         "leave it out: a reference rests on several solvers; simulate(problem, 'scipy:RK45', 16) "
         "is a run of one"
     ),
-    "dense_output": "use reference(problem, dense=True)",
+    "dense": _BETWEEN,
+    "dense_output": _BETWEEN,
     "vectorized": "leave it out",
     "first_step": _STEPS,
     "min_step": _STEPS,

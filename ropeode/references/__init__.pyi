@@ -7,15 +7,13 @@ from .certificate import largest_norms as largest_norms
 from .certificate import padded as padded
 from .compute import each_reference as each_reference
 from .compute import reference_for as reference_for
-from .dense.dense_output import with_dense_output as with_dense_output
-from .dense.polynomials import Dense as Dense
-from .dense.polynomials import time_derivatives as time_derivatives
+from .compute import solved_again as solved_again
+from .derivatives import time_derivatives as time_derivatives
 from .extended import heyoka as heyoka
 from .extended.solution import ExtendedSolution as ExtendedSolution
 from .extended.solution import extended_solution as extended_solution
 from .files.checksum import verify_checksum as verify_checksum
 from .files.checksum import with_checksum as with_checksum
-from .files.encoding import dense_name as dense_name
 from .files.library import MANIFEST as MANIFEST
 from .files.library import Entry as Entry
 from .files.library import entries as entries

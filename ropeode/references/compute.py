@@ -6,12 +6,20 @@ import functools
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Unpack, overload
 
+import numpy as np
+
 from ropeode.errors import InputError, ReferenceRefused
 from ropeode.problems import Ensemble, Problem, require_memory, require_problem, without_memory
 from ropeode.progress import Progress, bar, shows_progress, silent
 from ropeode.references.certificate import Level
 from ropeode.references.kept import kept_or_computed
-from ropeode.references.options import DIGITS, TIME_LIMIT, More, ReferenceOptions
+from ropeode.references.options import (
+    DIGITS,
+    SMALLEST_RTOL,
+    TIME_LIMIT,
+    More,
+    ReferenceOptions,
+)
 from ropeode.references.reference import Reference
 from ropeode.threads import cores
 from ropeode.validation import check_kind, check_whole, complaint
@@ -48,7 +56,6 @@ def reference(
     level: Level = "consensus",
     digits: int = DIGITS,
     time_limit: float = TIME_LIMIT,
-    dense: bool = False,
     progress: Progress = bar,
     **others: Any,
 ) -> Reference | list[Reference | ReferenceRefused]:
@@ -83,8 +90,6 @@ def reference(
         time_limit: in seconds, for all runs together, without compiling. Where it does not
             suffice, the horizon ends earlier, or the reference is refused; where it does, the
             result does not depend on it.
-        dense: compute the states between the samples as well; see
-            `ropeode.references.dense.dense_output`.
         progress: called before each run, with what it is.
         others: none; what `solve_ivp` takes is met with what to write instead.
 
@@ -111,7 +116,6 @@ def reference(
         level=level,
         digits=digits,
         time_limit=time_limit,
-        dense=dense,
         **others,
     )
     if isinstance(problem, Ensemble):
@@ -145,8 +149,8 @@ def each_reference(
         rtol: as for `ropeode.reference`, for all members.
         workers: how many threads; by default as many as there are processors.
         progress: called now and then, with how many members are done.
-        more: options by name, as for `ropeode.reference`. At the level `extended`, and with
-            `dense`, the members are solved one by one.
+        more: options by name, as for `ropeode.reference`. At the level `extended` the members are
+            solved one by one.
 
     Yields:
         For each member its reference, or the `ReferenceRefused` that says why it has none.
@@ -196,6 +200,37 @@ def reference_for(
     return problem
 
 
+def solved_again(
+    known: Reference,
+    ts: np.ndarray,
+    time_limit: float = TIME_LIMIT,
+    progress: Progress = silent,
+) -> Reference:
+    """A new reference of the same problem, at the same level and to the same accuracy.
+
+    Arguments:
+        known: the reference that exists already.
+        ts: the sample times of the new one.
+        time_limit: as for `reference`.
+        progress: as for `reference`.
+
+    Raises:
+        InputError: the problem has no equations.
+        ReferenceRefused: it has no reference with these samples.
+    """
+    certificate = known.certificate
+    # One number is the default; at least it serves all components alike.
+    atol = certificate.atol * (SMALLEST_RTOL / certificate.rtol)
+    options = ReferenceOptions(
+        accuracy=certificate.accuracy,
+        atol=atol if np.ndim(atol) else None,
+        level=certificate.level,
+        time_limit=time_limit,
+    )
+    problem = known.problem.changed(ts=ts).until(len(ts))
+    return _reference(problem, options, progress)
+
+
 def _each(
     ensemble: Ensemble, options: ReferenceOptions, workers: int, progress: Progress
 ) -> Iterator[Outcome]:
@@ -204,7 +239,7 @@ def _each(
 
     check_kind("ensemble", ensemble, Ensemble, "Ensemble.of")
     ensemble.first.require_equations()
-    if options.level == "consensus" and not options.dense:
+    if options.level == "consensus":
         return side_by_side(ensemble, options, workers, progress)
     solve = functools.partial(_reference, options=options, progress=progress)
     return (or_refused(solve, member) for member in ensemble)
@@ -219,14 +254,7 @@ def _reference(problem: Problem, options: ReferenceOptions, progress: Progress) 
             # Not above: heyoka is an extra.
             from ropeode.references.extended.reference import extended_reference
 
-            reference = extended_reference(problem, options, progress)
-        else:
-            from ropeode.references.consensus import consensus_reference
+            return extended_reference(problem, options, progress)
+        from ropeode.references.consensus import consensus_reference
 
-            reference = consensus_reference(problem, options, progress)
-        if not options.dense:
-            return reference
-        # Not above: few references are dense, and it takes long to import.
-        from ropeode.references.dense.dense_output import with_dense_output
-
-        return with_dense_output(reference, time_limit=options.time_limit, progress=progress)
+        return consensus_reference(problem, options, progress)

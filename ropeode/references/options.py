@@ -37,30 +37,26 @@ def _tuples(value: Any) -> Any:
     return tuple(_tuples(each) for each in value) if isinstance(value, list) else value
 
 
-class _Named(TypedDict, total=False):
+class More(TypedDict, total=False):
+    """The fields of `ReferenceOptions` that `reference` takes by name only."""
+
     atol: Any
     level: Level
     digits: int
     time_limit: float
 
 
-class Asked(_Named, total=False):
+class Asked(More, total=False):
     """The fields of `ReferenceOptions` that a study of a problem takes by name."""
 
     accuracy: float | None
     rtol: float | None
 
 
-class AskedButRtol(_Named, total=False):
+class AskedButRtol(More, total=False):
     """The same for a study whose methods have tolerances of their own."""
 
     accuracy: float | None
-
-
-class More(_Named, total=False):
-    """The fields of `ReferenceOptions` that `reference` takes by name only."""
-
-    dense: bool
 
 
 class ReferenceOptions(Input):
@@ -76,7 +72,6 @@ class ReferenceOptions(Input):
         level: `consensus` or `extended`.
         digits: to which the two runs in extended precision must agree.
         time_limit: in seconds, for all runs together, without compiling.
-        dense: compute the states between the samples as well.
 
     Raises:
         InputError: one line for each option that cannot be used.
@@ -96,7 +91,6 @@ class ReferenceOptions(Input):
         DIGITS, allowed=f"a whole number from 1 to {MOST_DIGITS}", example="24"
     )
     time_limit: Positive = field(TIME_LIMIT, allowed="a finite number > 0", example="600")
-    dense: bool = field(False, allowed="true or false", example="true")
 
     @field_validator("level")
     @classmethod

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from typing import Any
 
 import numpy as np
 
+from ropeode import rooms_above
+from ropeode.arrays import real_array
 from ropeode.display import Sampled
+from ropeode.errors import ReferenceRefused
 from ropeode.json_form import json_shows
 from ropeode.norms import Norm, norm_for
 from ropeode.problems import Problem, require_problem
 from ropeode.references.certificate import Certificate
-from ropeode.references.dense.polynomials import Dense
 from ropeode.validation import bad_value
 
 
@@ -25,7 +28,6 @@ class Reference(Sampled):
         states: ``(times, *state)`` at the problem's sample times; only the first
             `certificate.trusted` of them are inside the trust horizon.
         certificate: how far it can be trusted, and why.
-        dense: the states between the samples as well; None where there is no dense output.
 
     Examples:
         >>> from ropeode import load
@@ -40,7 +42,6 @@ class Reference(Sampled):
     problem: Problem
     states: np.ndarray
     certificate: Certificate
-    dense: Dense | None = None
 
     @property
     def times(self) -> np.ndarray:
@@ -92,7 +93,11 @@ class Reference(Sampled):
         return self.certificate.bounds[quantity][: self.trusted]
 
     def at(self, times: Any) -> np.ndarray:
-        """States at any times; at samples the same as `states`.
+        """States at any times, inside the trust horizon.
+
+        If one of them is no sample, the problem is solved again, with these times as samples, and
+        certified by the same runs. That takes as long as the reference did, so ask for all times
+        at once. The last few answers are kept.
 
         Arguments:
             times: one or several, in the problem's unit of time, in any order.
@@ -101,45 +106,69 @@ class Reference(Sampled):
             ``(times, *state)``; of a single time one state.
 
         Raises:
-            InputError: the reference has no dense output, or it does not cover a time.
+            InputError: a time is outside the trust horizon, or the problem has no equations.
+            ReferenceRefused: the solution cannot be trusted at one of these times.
 
         Examples:
             >>> from ropeode import Rope, reference
-            >>> truth = reference(Rope(num_nodes=4).problem(frames=3), dense=True)
+            >>> truth = reference(Rope(num_nodes=4).problem(frames=3))
             >>> truth.at([0.5, 1.5]).shape
             (2, 2, 2, 4)
             >>> truth.at(1.5)[0, 1].round(6)
             array([200.      , 198.880646, 198.880604, 198.880604])
         """
-        states = self._dense().at(times)
-        return states if np.ndim(times) else states[0]
+        finer, index = self._with_samples(times)
+        return finer.states[index]
 
     def bound_at(self, times: Any, norm: Norm | str | None = None) -> np.ndarray:
         """The estimated error bound of `at`, ``(times,)``; a single number for a single time.
 
         Arguments:
-            times: as for `at`.
+            times: as for `at`, which computes the bounds of the same times too.
             norm: as for `bound`.
 
         Raises:
-            InputError: the reference has no dense output, or it does not cover a time, or the
-                norm is as for `bound`.
+            InputError: as for `at`, or the norm is as for `bound`.
+            ReferenceRefused: as for `at`.
 
         Examples:
             >>> from ropeode import Rope, reference
-            >>> truth = reference(Rope(num_nodes=4).problem(frames=3), dense=True)
+            >>> truth = reference(Rope(num_nodes=4).problem(frames=3))
             >>> truth.bound_at([0.5, 1.5]) < 1e-9
             array([ True,  True])
         """
-        bounds = self._dense().bound_at(times, norm_for(self.problem, norm).quantity)
-        return bounds if np.ndim(times) else bounds[0]
+        finer, index = self._with_samples(times)
+        return finer.bound(norm)[index]
 
-    def _dense(self) -> Dense:
-        if self.dense is None:
-            allowed = "a reference with dense output"
-            fix = "make it with reference(problem, dense=True), or --dense on the command line"
-            raise bad_value("dense", self.dense, allowed, fix)
-        return self.dense
+    def _with_samples(self, times: Any) -> tuple[Reference, np.ndarray]:
+        """A reference with these times among its trusted samples, and their indices there."""
+        wanted = real_array("times", times)
+        start, end = self.times[0], self.times[self.trusted - 1]
+        outside = wanted[(wanted < start) | (wanted > end)]
+        if wanted.ndim > 1 or outside.size:
+            raise bad_value(
+                "times",
+                float(outside[0]) if outside.size else wanted.shape,
+                f"a number, or a list of numbers, from {start:g} to {end:g}, the span in which "
+                "the reference is trusted",
+                "leave out the others, or compute a reference that goes further",
+            )
+        finer = self
+        if not np.isin(wanted, self.times).all():
+            finer = _finer(self, tuple(np.union1d(self.times[: self.trusted], wanted).tolist()))
+        index = np.searchsorted(finer.times, wanted)
+        if np.any(index >= finer.trusted):
+            raise ReferenceRefused(
+                f"no states of {self.problem.name!r} at these times: they are trusted before "
+                f"t = {finer.horizon:g} only ({finer.certificate.horizon_reason}). Ask for less "
+                "accuracy, or for earlier times."
+            )
+        return finer, index
+
+
+@functools.lru_cache(maxsize=4)
+def _finer(known: Reference, times: tuple[float, ...]) -> Reference:
+    return rooms_above.references().solved_again(known, np.array(times))
 
 
 @json_shows(

@@ -14,7 +14,6 @@ from ropeode.references import (
     Facts,
     Reference,
     Verification,
-    dense_name,
     remarks,
 )
 from ropeode.render.markup import Block, Code, Grid, Heading, Paragraph, plain
@@ -31,10 +30,8 @@ _BLOCKS = " ▁▂▃▄▅▆▇█"
 
 def describe_reference(reference: Reference) -> str:
     """A few paragraphs on a reference that has just been computed, for a terminal."""
-    problem, dense = reference.problem, reference.dense
+    problem = reference.problem
     lines = [f"{problem.name}, {problem.frames} frames: {certificate_claim(reference.certificate)}"]
-    if dense is not None:
-        lines.append(_dense_claim(dense.times, dense.order, dense.bounds))
     return plain([Paragraph("\n".join([*lines, *remarks(reference)]))])
 
 
@@ -55,7 +52,7 @@ def _(facts: Facts) -> list[Block]:
     plot = _plot(times[: certificate.trusted], first_bound[: certificate.trusted])
     return [
         Heading(f"{facts.problem.name}" + (f" ({kind}): {listed}" if kind else "")),
-        Paragraph(" ".join([span, certificate_claim(certificate), *_stored_dense_claim(facts)])),
+        Paragraph(f"{span} {certificate_claim(certificate)}"),
         Grid(_WITNESSES, witnesses, left=frozenset({0, 2})),
         Code("\n".join(line.rstrip() for line in plot)),
         Paragraph(f"Computed with {versions}."),
@@ -124,23 +121,6 @@ def certificate_claim(certificate: Certificate) -> str:
         f"Level {certificate.level}: {certificate.solver} at rtol {certificate.rtol:.0e}. "
         f"Estimated error bound at the end: {bounds}{drift}; {trust_words(certificate)}."
     )
-
-
-def _dense_claim(times: np.ndarray, order: int, bounds: Mapping[str, np.ndarray]) -> str:
-    listed = ", ".join(f"{quantity} {series[-1]:.1e}" for quantity, series in bounds.items())
-    return (
-        f"Dense output to t = {times[-1]:g}: {len(times)} nodes, order {order}. Estimated error "
-        f"bound at any time: {listed}."
-    )
-
-
-def _stored_dense_claim(facts: Facts) -> list[str]:
-    quantities = facts.problem.quantities
-    if "dense_time" not in facts.numbers:
-        return []
-    bounds = {q: facts.numbers[dense_name("bound", q)] for q in quantities}
-    count = facts.numbers[f"dense_{quantities[0]}"].shape[1]
-    return [_dense_claim(facts.numbers["dense_time"], 2 * count, bounds)]
 
 
 def sparkline(values: np.ndarray) -> str:

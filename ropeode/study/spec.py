@@ -117,7 +117,6 @@ class TableSpec(StudySpec):
         steppers: themselves; `TableJob` makes them of whatever `ropeode.as_stepper` takes.
         reference: a file with a reference, or a name of the stored library; either says the
             problem as well.
-        dense: whether a reference that is written is to have states between the samples.
 
     Raises:
         InputError: one line for each that cannot be used.
@@ -129,7 +128,6 @@ class TableSpec(StudySpec):
     reference: str | None = field(
         None, allowed="a file with a reference, or a name of the library", example='"rope.nc"'
     )
-    dense: bool = field(False, allowed="true or false", example="true")
 
 
 def commented_table() -> str:

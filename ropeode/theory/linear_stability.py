@@ -23,8 +23,6 @@ from ropeode.theory.stability_function import (
 )
 from ropeode.theory.stability_limits import StabilityLimits, stability_limits_of
 
-# Times between two samples at which a dense reference is asked as well.
-_BETWEEN = 4
 # A run has blown up where it is so many times larger than anything on the reference.
 _BLOWN_UP = 100.0
 # Steps per frame that runs are tried with; those in Python take long.
@@ -80,8 +78,7 @@ def linear_stability_of(reference: Reference, stepper: Any) -> LinearStability:
     """How long a stepper's steps may be on a problem.
 
     Arguments:
-        reference: of the problem. The eigenvalues are taken at its trusted samples, and between
-            them where it has dense output.
+        reference: of the problem. The eigenvalues are taken at its trusted samples.
         stepper: whatever `ropeode.as_stepper` takes.
 
     Raises:
@@ -92,13 +89,7 @@ def linear_stability_of(reference: Reference, stepper: Any) -> LinearStability:
     method = method_of(stepper, problem)
     notes: list[str] = []
     times = reference.times[: reference.trusted]
-    if reference.dense is not None and len(times) > 1:
-        within = np.linspace(0.0, 1.0, _BETWEEN, endpoint=False)
-        times = np.append((times[:-1, None] + np.diff(times)[:, None] * within).ravel(), times[-1])
-        states = reference.at(times)
-    else:
-        states = reference.states[: reference.trusted]
-    along = spectrum_of(problem, times, states)
+    along = spectrum_of(problem, times, reference.states[: reference.trusted])
     function = stability_function_of(problem, method)
     limits = predicted = None
     if isinstance(function, NoStabilityFunction):

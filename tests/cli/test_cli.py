@@ -205,10 +205,6 @@ def test_references_in_files(run):
     assert verified.count("within the bounds") == 2
     assert "4 of 4 samples" in " ".join(verified.split())
 
-    for words in (["--reference", "rope.nc", "--dense", "-o", "dense.nc"], ["show", "dense.nc"]):
-        assert "Dense output to t = 3" in run("reference", *words).stdout
-    assert run("reference", "verify", "dense.nc").returncode == 0
-
     more = ["--steppers", "rk4", "--steps", "8,12,18", "--format", "json"]
     tables = [run("table", *words, *more).stdout for words in (["--reference", "rope.nc"], SMALL)]
     mine, its = map(json.loads, tables)

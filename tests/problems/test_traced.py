@@ -121,7 +121,7 @@ _reverse_only.defvjp(lambda y: (_reverse_only(y), y), lambda y, by: (-by * jnp.c
 
 
 def test_functions_for_reverse_mode_only():
-    """Implicit steppers, solvers and dense output need derivatives in forward mode.
+    """Implicit steppers and solvers need derivatives in forward mode.
 
     Beside others: an index has named parameters, and a product in place no derivative.
     """

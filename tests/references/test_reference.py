@@ -24,8 +24,6 @@ from ropeode.references import (
     largest_norms,
     load_reference,
     save_reference,
-    verify_reference,
-    with_dense_output,
     witness_runs,
 )
 from ropeode.references.extended.taylor import solve as solve_in_extended_precision
@@ -326,64 +324,34 @@ def turned(ts):
 
 
 @functools.cache
-def dense(name):
+def between(name):
     """Of y' = y, and -y from t = 1.3 on, which has a corner there; and of an oscillator."""
     if name == "a corner":
         corner = Problem(lambda t, y, args: jnp.where(t < 1.3, y, -y), [1.0], TS, jump_times=[1.3])
-        return reference(corner.changed(exact=turned), dense=True)
+        return reference(corner.changed(exact=turned))
     if name == "more digits":
         pytest.importorskip("heyoka", reason="heyoka is an extra")
-        return reference(SWING, level="extended", dense=True, time_limit=1e9)
-    return reference(SWING, dense=True)
+        return reference(SWING, level="extended", time_limit=1e9)
+    return reference(SWING)
 
 
 @pytest.mark.parametrize("name", ["an oscillator", "more digits", "a corner"])
 def test_bound_covers_the_true_error_between_the_samples(name, tmp_path):
-    """Where the samples are, it is their states to the last bit; and all comes back from a file."""
-    known = dense(name)
+    """Where all times are samples, it is their states to the last bit; so in a file."""
+    known = between(name)
     at = [*known.times, np.nextafter(1.3, 0), 1.3, np.nextafter(1.3, 2)]
-    random = np.random.default_rng(7).uniform(0.0, known.dense.end, 400)
-    times = np.sort([*at, *random])
-    problem, states = known.problem.changed(ts=times, jump_times=()), known.at(times)
+    times = np.append(at, np.random.default_rng(7).uniform(0.0, known.times[-1], 40))
+    problem, states = known.problem.changed(ts=times), known.at(times)
     for quantity, norm in largest_norms(problem).items():
         true = distance(problem, norm, states, problem.exact(times))
-        assert np.all(true <= known.bound_at(times, norm))
-        assert np.all(known.bound_at(known.times, norm) >= known.bound(norm))
-        # Nothing that is much worse than at the samples, or than a few units of rounding.
-        rounding = 20 * EPS64 * np.max(np.abs(problem.quantity(quantity, states)))
-        bounds, at_samples = known.dense.bounds[quantity], known.certificate.bounds[quantity][-1]
-        assert at_samples <= bounds[-1] <= max(3.0 * at_samples, rounding)
-        assert np.all(np.diff(bounds) >= 0)
+        bounds, at_samples = known.bound_at(times, norm), known.certificate.bounds[quantity]
+        assert np.all(true <= bounds)
+        assert np.max(bounds) <= 3.0 * at_samples[-1]
     np.testing.assert_array_equal(known.at(known.times[[2, 0, 3, 1]]), known.states[[2, 0, 3, 1]])
-    found = load_reference(save_reference(known, tmp_path / "x.nc"))
-    assert found.dense == known.dense
+    np.testing.assert_array_equal(known.bound_at(known.times), known.bound())
+    found = load_reference(save_reference(known, tmp_path / "x.nc"), known.problem)
     np.testing.assert_array_equal(found.at(times), states)
-
-
-def test_both_sides_of_a_corner():
-    """The samples have a tight bound too."""
-    known = dense("a corner")
-    assert known.bound()[-1] < 1e-13
-    assert_covered(known, turned(TS))
-    assert {np.nextafter(1.3, 0), 1.3} <= set(known.dense.times.tolist())
-    slopes = known.dense.derivatives[np.searchsorted(known.dense.times, 1.3) - np.array([1, 0])]
-    np.testing.assert_allclose(slopes[:, 1, 0], [np.exp(1.3), -np.exp(1.3)], rtol=1e-12)
-
-
-@pytest.mark.slow
-def test_it_verifies_and_wrong_derivatives_do_not(tmp_path):
-    oscillator = dense("an oscillator")
-    assert_rounding_widens_nothing(oscillator)
-    verified = verify_reference(save_reference(oscillator, tmp_path / "x.nc"))
-    assert verified.agrees
-    assert verified.samples > len(oscillator.times)
-    derivatives = oscillator.dense.derivatives.copy()
-    derivatives[:, 3] *= 1 + 1e-6
-    wrong = dataclasses.replace(oscillator.dense, derivatives=derivatives)
-    path = save_reference(dataclasses.replace(oscillator, dense=wrong), tmp_path / "y.nc")
-    found = verify_reference(path)
-    assert not found.agrees
-    assert found.outside["position"] not in oscillator.times
+    assert known.at(0.7).shape == known.problem.y0.shape
 
 
 @pytest.mark.parametrize(
@@ -395,37 +363,15 @@ def test_it_verifies_and_wrong_derivatives_do_not(tmp_path):
     ],
 )
 def test_times_that_are_not_covered(times, words):
-    for ask in (dense("a corner").at, dense("a corner").bound_at):
+    for ask in (between("a corner").at, between("a corner").bound_at):
         with pytest.raises(InputError, match=words):
             ask(times)
 
 
-def test_it_ends_with_the_horizon():
+def test_states_between_the_samples_end_with_the_horizon():
     problem = PROBLEMS["oscillator"](frames=4, damping=0.0)
     accuracy = float(reference(problem, rtol=1e-9, accuracy=1.0).bound()[2]) * 1.2
-    without = reference(problem, rtol=1e-9, accuracy=accuracy)
-    with pytest.raises(InputError, match=r"dense: None given.*dense=True"):
-        without.at(0.5)
-    known = with_dense_output(without)
-    assert known.horizon == 3.0
-    assert known.dense.end <= known.times[known.trusted - 1]
-    assert known.bound_at(known.dense.end, NORMS["position-max"]) <= accuracy
-    with pytest.raises(InputError, match="trusted at any time"):
+    known = reference(problem, rtol=1e-9, accuracy=accuracy)
+    assert known.bound_at(known.horizon - 1.5, NORMS["position-max"]) <= accuracy
+    with pytest.raises(InputError, match="the reference is trusted"):
         known.at(known.horizon)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("at", "rtol"), [(1.0, 1e-6), (0.7, 1e-6), (0.0, 1e-6), (0.0, None)])
-def test_a_singular_derivative(at, rtol):
-    """At a sample, at the start, and between samples: y' = sqrt(|t - at|)."""
-    problem = Problem(lambda t, y, at: jnp.sqrt(jnp.abs(t - at)) + 0.0 * y, [0.0], TS, at)
-    made = reference(problem, rtol=rtol, dense=True)
-    assert made.dense.end == made.times[made.trusted - 1]
-    close = at + np.array([-1e-3, -1e-7, 0.0, 1e-12, 1e-7, 1e-3])
-    times = np.append(close[close >= 0], np.random.default_rng(3).uniform(0, made.dense.end, 500))
-
-    def integral(t):
-        return 2 / 3 * np.sign(t - at) * np.abs(t - at) ** 1.5
-
-    error = np.abs(made.at(times)[:, 0] - integral(times) + integral(0.0))
-    assert np.all(error <= made.bound_at(times))

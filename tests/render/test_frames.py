@@ -96,7 +96,6 @@ def test_bare_states_and_what_scipy_returns_have_errors(truth, run):
         (np.full((4, 2, 2, 4), np.nan), None, "trajectory"),
         (np.zeros((2, 2, 2, 4)), [2.0, 1.0], "times"),
         (np.zeros((2, 2, 2, 4)), [10.0, 11.0], "times"),
-        (np.zeros((2, 2, 2, 4)), [0.5, 1.5], "dense"),
         # A run has times of its own.
         (None, [1.0], "times"),
     ],

@@ -140,7 +140,6 @@ def _check(problem: Description, claims: Claims, arrays: Mapping[str, np.ndarray
     )
     need(np.isfinite(array("probe_state", PROBES, start.size)), "probe_state", "finite numbers")
     array("probe_rate", PROBES, start.size)
-    dense = increasing("dense_time") if "dense_time" in arrays else 0
     for quantity in problem.quantities:
         states = array(quantity, count, *shape)[: problem.samples]
         need(np.isfinite(states), quantity, "finite numbers at all samples")
@@ -148,10 +147,6 @@ def _check(problem: Description, claims: Claims, arrays: Mapping[str, np.ndarray
         series = [witnesses, array(series_name("bound", quantity), count)]
         if quantity in problem.constrained:
             series.append(array(series_name("drift", quantity), count)[: problem.samples])
-        if dense:
-            derivatives = array(f"dense_{quantity}", dense, None, *shape)
-            need(np.isfinite(derivatives), f"dense_{quantity}", "finite numbers")
-            series.append(array(dense_name("bound", quantity), dense))
         # A run that did not arrive is infinitely far.
         need(all((each >= 0.0).all() for each in series), quantity, "bounds and distances >= 0")
 
@@ -159,8 +154,3 @@ def _check(problem: Description, claims: Claims, arrays: Mapping[str, np.ndarray
 def series_name(series: str, quantity: str) -> str:
     """`bound` is that of positions, or of the state; that of velocities is `velocity_bound`."""
     return f"velocity_{series}" if quantity == "velocity" else series
-
-
-def dense_name(series: str, quantity: str) -> str:
-    """The name of the same series of dense output."""
-    return f"dense_{series_name(series, quantity)}"

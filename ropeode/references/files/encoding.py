@@ -12,8 +12,7 @@ import numpy as np
 from ropeode.precision import in_float64
 from ropeode.problems import Problem, compiled
 from ropeode.references.certificate import Certificate, Witness, padded
-from ropeode.references.dense.polynomials import Dense
-from ropeode.references.files.contents import PROBES, Claims, Description, dense_name, series_name
+from ropeode.references.files.contents import PROBES, Claims, Description, series_name
 from ropeode.references.reference import Reference
 from ropeode.references.solvers.solver import Solver
 
@@ -85,8 +84,6 @@ def arrays_of(reference: Reference) -> dict[str, Array]:
         )
         pinned = (np.asarray(args.free) == 0).astype(np.int8)
         arrays["pinned"] = Array(("node",), pinned, "1 where a node does not move", "1")
-    if reference.dense is not None:
-        arrays |= _dense_arrays(problem, reference.dense, time, units)
     probes, rates = probed(problem)
     arrays["probe_state"] = Array(("probe", "entry"), probes, "states to try the equation on", "1")
     arrays["probe_rate"] = Array(("probe", "entry"), rates, "right-hand side at these states", "1")
@@ -172,43 +169,7 @@ def restored(
         ValueError: nodes and components are not those of the problem.
     """
     known = {name: arrays[name][:samples] for name in problem.quantities}
-    return Reference(problem, _joined(problem, known), certificate, _dense_from(problem, arrays))
-
-
-def _dense_from(problem: Problem, arrays: Mapping[str, np.ndarray]) -> Dense | None:
-    """The dense output that a file holds; None if it has none."""
-    if "dense_time" not in arrays:
-        return None
-    times = arrays["dense_time"]
-    values = {name: arrays[f"dense_{name}"] for name in problem.quantities}
-    count = next(iter(values.values())).shape[1]
-    rows = {name: each.reshape(-1, *each.shape[2:]) for name, each in values.items()}
-    derivatives = _joined(problem, rows).reshape(len(times), count, *problem.y0.shape)
-    bounds = {name: arrays[dense_name("bound", name)] for name in problem.quantities}
-    return Dense(times, derivatives, bounds)
-
-
-def _dense_arrays(
-    problem: Problem, dense: Dense, time: str, units: Mapping[str, str]
-) -> dict[str, Array]:
-    arrays = {"dense_time": Array(("dense_time",), dense.times, "times of the nodes", time)}
-    nodes, count = dense.derivatives.shape[:2]
-    rows = dense.derivatives.reshape(-1, *problem.y0.shape)
-    for quantity in problem.quantities:
-        dims, values = _in_file(problem, quantity, rows)
-        arrays[f"dense_{quantity}"] = Array(
-            ("dense_time", "derivative", *dims),
-            values.reshape(nodes, count, *values.shape[1:]),
-            f"{quantity} and its derivatives by time",
-            units[quantity],
-        )
-        arrays[dense_name("bound", quantity)] = Array(
-            ("dense_time",),
-            dense.bounds[quantity],
-            "estimated error bound of the worst node at all times up to the node",
-            units[quantity],
-        )
-    return arrays
+    return Reference(problem, _joined(problem, known), certificate)
 
 
 def _in_file(

@@ -76,7 +76,7 @@ def load_reference(path: str | Path, problem: Problem | None = None) -> Referenc
         path: of the file.
         problem: that the reference must solve; a file of another problem is refused. By default
             the library builds it. If it is not one of the library, all that the file holds is
-            there without it: times, states, bounds, certificate, `at`; what computes with the
+            there without it: times, states, bounds, certificate; what computes with the
             equations, as steppers and further references do, says that it needs the problem.
 
     Raises:

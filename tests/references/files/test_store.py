@@ -36,7 +36,6 @@ from ropeode.references import (
     taylor,
     verify_reference,
     with_checksum,
-    with_dense_output,
 )
 from ropeode.simulation import simulate
 from tests.exact_reference import exact_reference
@@ -179,7 +178,7 @@ def test_what_needs_the_equations_says_so(tmp_path):
         lambda: simulate(found.problem, "rk4", 4),
         lambda: reference(found.problem),
         lambda: accuracy_table(found, ["velocity-verlet"], [4]),
-        lambda: with_dense_output(found),
+        lambda: found.at(0.123),
         lambda: error_series(simulate(problem, "rk4", 4), found),
         lambda: found.problem.energies(found.states),
         lambda: save_reference(found, tmp_path / "again.nc"),
