@@ -296,8 +296,7 @@ LENGTH = "the length in the spring force"
 # How a coefficient is written that is a multiple of a node's damping rate.
 PER_DAMPING = " * damping / mass"
 NOT_JOINED = "a force between nodes that no spring joins"
-CONSTANT = "a constant acceleration"
-SINE, OF_ZERO = "a driving force with a sine in place of the cosine", "a driving force of t = 0"
+OF_ZERO = "a driving force of t = 0"
 _PLANES = ("x and y", "x and z", "y and z")
 OTHER_LAWS: dict[str, OtherLaw] = {
     **{f"drag that {law.words}": _drag(law) for law in LAWS.values() if law.kind == "damping"},
@@ -314,7 +313,7 @@ OTHER_LAWS: dict[str, OtherLaw] = {
     "a force along the position": OtherLaw((lambda motion, node: motion.x[:, node],)),
     "a force proportional to the velocity": OtherLaw((lambda motion, node: motion.v[:, node],)),
     NOT_JOINED: OtherLaw(tuple(_to_node(other, power) for other in range(5) for power in (0, 1))),
-    CONSTANT: OtherLaw(
+    "a constant acceleration": OtherLaw(
         tuple(
             lambda motion, node, axis=axis: np.broadcast_to(
                 np.eye(3)[axis, : motion.x.shape[2]], motion.x[:, node].shape

@@ -13,13 +13,11 @@ from ropeode.theory.diagnosis import Diagnosis, Fault
 from ropeode.theory.expansion import Expansion
 from ropeode.theory.projection import projected
 from ropeode.theory.rope_terms import (
-    CONSTANT,
     LENGTH,
     NOT_JOINED,
     OF_ZERO,
     OTHER_LAWS,
     PER_DAMPING,
-    SINE,
     Motion,
     RopeTerm,
     TermPlace,
@@ -309,36 +307,14 @@ def _explanation(nodes: Sequence[_Node], size: float, laws: tuple[str, ...]) -> 
             here = [each._replace(value=1.0) for each in here]
         factors += here
     own = [each for each in factors if each.kind not in laws]
-    left, faults = laws, []
-    if SINE in laws and (late := _late(factors)) is not None:
-        # The driving force of another time is a sum of a cosine and a sine.
-        left = tuple(law for law in laws if law != SINE)
-        faults = [Fault(late, remedy=TERMS["drive"].remedy)]
-    faults += _mistakes_in([each for each in own if not faults or each.kind != "drive"])
-    for law in left:
+    faults = _mistakes_in(own)
+    for law in laws:
         # Where a spring is never slack, say, the force of slack springs has no coefficient.
         present = [each for each in factors if each.kind == law and each.value]
         if all(each.equals(0.0) for each in present):
             return None
         faults = _with_law(faults, law, present)
     return _Explanation(faults, own, worst, len(laws))
-
-
-def _late(factors: list[Factor]) -> str | None:
-    """By how much the time in the driving force is late, if it is by the same on all ropes."""
-    cosines = [each for each in factors if each.kind == "drive"]
-    sines = {
-        (id(each.place.args), each.place.node): each.value for each in factors if each.kind == SINE
-    }
-    turns = np.array(
-        [complex(e.value, -sines[id(e.place.args), e.place.node]) for e in cosines] or [0j]
-    )
-    rates = np.array([float(each.place.args.frequency) for each in cosines] or [1.0])
-    later, spread = np.angle(turns) / rates, 10.0 * max((e.spread for e in factors), default=0.0)
-    off = float(np.mean(later))
-    if np.any(np.abs(np.abs(turns) - 1.0) > spread) or np.ptp(later) > spread or abs(off) <= spread:
-        return None
-    return f"the driving force is that of t {'+' if off > 0 else '-'} {abs(off):.6g}"
 
 
 def _with_law(faults: list[Fault], name: str, factors: list[Factor]) -> list[Fault]:
@@ -362,9 +338,6 @@ def _with_law(faults: list[Fault], name: str, factors: list[Factor]) -> list[Fau
         mended = gone[0].remedy if gone else TERMS["spring"].remedy
         fault = Fault(law.words, remedy=mended, term=(name, 1.0))
         return [fault, *(each for each in faults if each not in gone)]
-    if name == CONSTANT and words == PER_DAMPING:
-        text = f"there is a wind of {text}: damping is that of the velocity less the wind's"
-        return [*faults, Fault(text, remedy=TERMS["damping"].remedy)]
     text = f"there is {name} (coefficient {text}{words})"
     return [*faults, Fault(text, remedy=remedy)]
 

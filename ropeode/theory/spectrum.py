@@ -85,7 +85,10 @@ def spectrum_of(problem: Problem, times: np.ndarray, states: np.ndarray) -> Spec
         times: of the states, ``(times,)``.
         states: ``(times, *state)``.
     """
-    matrices = derivatives_of_rhs(problem, times, states)
+    along, shape = derivative_of_rhs(problem), states.shape
+    units = np.eye(problem.y0.size).reshape(-1, *shape[1:])
+    columns = [along(times, states, np.broadcast_to(unit, shape)) for unit in units]
+    matrices = np.stack(columns, axis=-1).reshape(len(states), len(units), len(units))
     if problem.mechanics is not None:
         free = np.tile(free_coordinates(problem).ravel(), 2)
         matrices = matrices[:, free][:, :, free]
@@ -96,20 +99,6 @@ def spectrum_of(problem: Problem, times: np.ndarray, states: np.ndarray) -> Spec
     # make much of what rounding makes of it.
     still = np.abs(eigenvalues) <= rounding[:, None]
     return Spectrum(np.asarray(times), np.where(still, 0.0, eigenvalues), rounding)
-
-
-def derivatives_of_rhs(problem: Problem, times: np.ndarray, states: np.ndarray) -> np.ndarray:
-    """The derivative of the right-hand side with respect to a flat state, ``(times, size, size)``.
-
-    Arguments:
-        problem: whose right-hand side it is.
-        times: of the states, ``(times,)``.
-        states: ``(times, *state)``.
-    """
-    along, shape = derivative_of_rhs(problem), states.shape
-    units = np.eye(states[0].size).reshape(-1, *shape[1:])
-    columns = [along(times, states, np.broadcast_to(unit, shape)) for unit in units]
-    return np.stack(columns, axis=-1).reshape(len(states), len(units), len(units))
 
 
 def derivative_of_rhs(

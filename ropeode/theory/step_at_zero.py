@@ -90,18 +90,13 @@ def diagnose_identity(expansions: Sequence[Expansion]) -> Diagnosis | None:
     errors = np.max([np.max(change.error, axis=1) for _, change in terms], axis=0)
     of_x, of_v = (_shares(found, half, _UNCERTAIN * errors[half]) for half in (0, 1))
     if of_x is None or of_v is None:
-        still = np.max(np.abs(change[:, 0])) <= _EXPLAINED * size
-        line = "at dt = 0 the step changes the state"
-        if mixed := still and _mixed(found, 1, "velocities are mixed"):
-            line += f": {mixed}"
-        else:
-            after = [_shortest(each) for each in expansions]
-            beside = [*map(_beside_motion, expansions, after)]
-            off = [np.max(each, axis=1) for each in beside]
-            where = where_off(expansions, off, _BESIDE * size)
-            becomes = _becomes(expansions, after, beside, _BESIDE * size)
-            line += f" by up to {evidence['size']:.2g} of its size{where}{becomes}"
-        return Diagnosis("identity", f"{line}, {_NO_LIMIT}", evidence, _UNCHANGED)
+        after = [_shortest(each) for each in expansions]
+        beside = [*map(_beside_motion, expansions, after)]
+        off = [np.max(each, axis=1) for each in beside]
+        where = where_off(expansions, off, _BESIDE * size)
+        where += _becomes(expansions, after, beside, _BESIDE * size)
+        line = f"at dt = 0 the step changes the state by up to {evidence['size']:.2g} of its size"
+        return Diagnosis("identity", f"{line}{where}, {_NO_LIMIT}", evidence, _UNCHANGED)
     parts = np.stack([of_x, of_v]) + np.eye(2, 3)[:, :, None]
     evidence |= dict(zip(_QUANTITIES, map(_means, parts), strict=True))
     if _same(parts, _SWAPPED):
@@ -152,8 +147,6 @@ def position_faults(
         off = [each.added[:, 0, each.expansion.problem.args.free > 0.0] for each in found]
         part = max(float(np.max(np.abs(each))) for each in off) / size
         evidence["positions"] = {"difference": part}
-        if mixed := _mixed(found, 0, "positions move with velocities mixed"):
-            return [Fault(mixed, remedy=_POSITIONS)]
         text = f"positions change at another rate than the velocity, by up to {part:.2g} of it"
         return [Fault(text, named=False, remedy=_POSITIONS)]
     parts = own[None] + np.eye(1, 3, 1)[:, :, None]
@@ -165,16 +158,13 @@ def position_faults(
     return [Fault(text, remedy=_POSITIONS) for text in _told(_RATES, parts)]
 
 
-def _shares(
-    found: Sequence[_Added], half: int, close: float, of_all: bool = False
-) -> np.ndarray | None:
+def _shares(found: Sequence[_Added], half: int, close: float) -> np.ndarray | None:
     """Which multiples of its own motion make up what is added to each free node.
 
     Arguments:
         found: on several ropes.
         half: 0 for what is added to positions, 1 for velocities.
         close: how much may be left over at least.
-        of_all: whether the velocities of all nodes take the place of the node's own motion.
 
     Returns:
         ``(fields, free nodes of all ropes)``; None if something else is added.
@@ -183,29 +173,12 @@ def _shares(
     for each, before, added in found:
         motion = np.stack([before[:, 0], before[:, 1], each.slopes[:, 1]])
         for node in np.flatnonzero(each.problem.args.free):
-            fields = np.moveaxis(before[:, 1], 1, 0) if of_all else motion[:, :, node]
             moved = added[:, half, node].ravel()
-            own = projected(moved, fields.reshape(len(fields), -1))
+            own = projected(moved, motion[:, :, node].reshape(len(motion), -1))
             if own.rest > max(_EXPLAINED * np.max(np.abs(moved)), close):
                 return None
             parts.append(own.coefficients)
     return np.stack(parts, axis=1)
-
-
-def _mixed(found: Sequence[_Added], half: int, mixed: str) -> str:
-    """A sentence: of which velocities what a node gets is the sum; empty if it is no such sum."""
-    size = max(float(np.max(np.abs(each.before[:, 1]))) for each in found)
-    shares = _shares(found, half, _EXPLAINED * size, of_all=True)
-    if shares is None:
-        return ""
-    nodes = np.concatenate([np.flatnonzero(each.expansion.problem.args.free) for each in found])
-    parts = shares.T + np.eye(len(shares))[nodes]
-    there = np.abs(parts) > _EXPLAINED
-    most = int(np.argmax(np.sum(there, axis=1)))
-    if np.sum(there[most]) < 2:
-        return ""
-    words = " + ".join(f"{parts[most, i]:.6g} v{i}" for i in np.flatnonzero(there[most]))
-    return f"{mixed} with those of other nodes (v{nodes[most]} becomes {words})"
 
 
 def _shortest(expansion: Expansion) -> np.ndarray:
