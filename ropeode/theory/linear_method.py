@@ -38,22 +38,9 @@ _RUN = 3
 _ZERO, _SAME = 1e-12, 1e-8
 
 
-class Rate(NamedTuple):
-    """The complex number lambda of ``y' = lambda y``."""
-
-    real: Any
-    imaginary: Any
-
-    def times(self, y: Any) -> Any:
-        """The product with it; pairs stand on the last axis."""
-        return self.real * y + self.imaginary * jnp.stack([-y[..., 1], y[..., 0]], axis=-1)
-
-
-class Spring(NamedTuple):
-    """The numbers of ``x'' = -k x - rate x'`` with a complex k."""
-
-    k: Rate
-    rate: Any
+def _times(real: Any, imaginary: Any, y: Any) -> Any:
+    """The product with a complex number; pairs stand on the last axis."""
+    return real * y + imaginary * jnp.stack([-y[..., 1], y[..., 0]], axis=-1)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -63,8 +50,8 @@ class LinearEquation:
     Arguments:
         name: in words.
         make: makes the problem; its frame is 1.
-        modes: from modes ``exp(z t)``, ``exp(other t)`` to real numbers, one row for each pair.
-        args: from such numbers to the problem's `args`.
+        modes: from modes ``exp(z t)``, ``exp(other t)`` to the problem's `args`, one row of real
+            numbers for each pair.
         powers: by which power of dt each of the numbers, and behind them each number of a state,
             has to be multiplied for the same motion.
     """
@@ -72,7 +59,6 @@ class LinearEquation:
     name: Literal["y' = lambda y", "x'' = -omega^2 x - 2 gamma x'"]
     make: Callable[[], Problem]
     modes: Callable[[np.ndarray, np.ndarray], np.ndarray]
-    args: Callable[..., Rate | Spring]
     powers: tuple[int, ...]
 
     def __reduce__(self) -> str:
@@ -88,27 +74,25 @@ class LinearEquation:
 FIRST_ORDER = LinearEquation(
     "y' = lambda y",
     lambda: Problem(
-        lambda t, y, args: args.times(y), np.array([1.0, 0.5]), np.arange(2.0), Rate(-1.0, 1.0)
+        lambda t, y, args: _times(*args, y), np.array([1.0, 0.5]), np.arange(2.0), (-1.0, 1.0)
     ),
     lambda z, other: np.stack([np.real(z), np.imag(z)], axis=-1),
-    Rate,
     (-1, -1, 0, 0),
 )
-# Its positions are one node of two components, of mass 1.
+# Its positions are one node of two components, of mass 1; its `args` are k and the damping rate.
 OSCILLATOR = LinearEquation(
     "x'' = -omega^2 x - 2 gamma x'",
     lambda: Problem.second_order(
-        lambda t, x, v, args: -args.k.times(x) - args.rate * v,
+        lambda t, x, v, args: -_times(*args[:2], x) - args[2] * v,
         [[1.0, 0.5]],
         [[0.0, 0.0]],
         [0.0, 1.0],
-        Spring(Rate(1.0, 0.0), 0.0),
-        damping=lambda args: LinearDamping(args.rate, args.rate),
+        (1.0, 0.0, 0.0),
+        damping=lambda args: LinearDamping(args[2], args[2]),
     ),
     lambda z, other: np.stack(
         [np.real(z * other), np.imag(z * other), -np.real(z + other)], axis=-1
     ),
-    lambda real, imaginary, rate: Spring(Rate(real, imaginary), rate),
     (-2, -2, -1, 0, 0, -1, -1),
 )
 
@@ -212,7 +196,7 @@ class LinearMethod:
             t, dt: when they start, and their step size.
             steps: of each.
         """
-        problem = self.problem.changed(args=self.equation.args(*row.tolist()))
+        problem = self.problem.changed(args=tuple(row.tolist()))
         states, times = y.reshape(-1, *problem.y0.shape), np.full(len(y), t)
         samples = StepSamples(problem, self._method)
         found = samples.after(times, states, np.full((len(y), 1), dt), steps)
@@ -236,8 +220,7 @@ class LinearMethod:
         )
 
     def _map(self, row: np.ndarray) -> StepMap:
-        args = self.equation.args(*row.tolist())
-        return StepMap(self.problem.changed(args=args), self._method)
+        return StepMap(self.problem.changed(args=tuple(row.tolist())), self._method)
 
 
 @functools.lru_cache(maxsize=64)
@@ -249,7 +232,7 @@ def _programs(stepper: Stepper, equation: LinearEquation) -> tuple[Callable, Cal
     step = jax.jit(step)
 
     def on(row: Any) -> tuple[Callable, Callable, Callable]:
-        args = equation.args(*row)
+        args = tuple(row)
         return (
             lambda y: init(args, 0.0, y.reshape(problem.y0.shape), 1.0),
             lambda carried: step(args, 0.0, carried, 1.0),

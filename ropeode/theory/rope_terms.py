@@ -188,8 +188,7 @@ class OtherLaw(NamedTuple):
     Fields:
         parts: whose sum it is, with a coefficient each; of springs in turn, if it is their force.
         of_springs: whether it is.
-        replaces: the term that must be left out for `words` to be true; a key of `TERMS`, `LENGTH`
-            or empty.
+        replaces: the term that must be left out for `words` to be true; a key of `TERMS` or empty.
         words: a sentence for it if it has a certain coefficient; empty if there is none.
         coefficient: this one.
     """
@@ -248,16 +247,6 @@ def _in_plane(d: np.ndarray, plane: str) -> np.ndarray:
     )
 
 
-def _length_in_plane(plane: str) -> OtherLaw:
-    return _springs(
-        lambda motion, spring, d, w: (
-            motion.args.stiffness[spring] * _in_plane(d, plane) * d / _length(d)
-        ),
-        replaces=LENGTH,
-        words=f"{LENGTH} is one of {plane} alone",
-    )
-
-
 def _to_node(other: int, power: int) -> NodeLaw:
     """A force towards a node that no spring joins to this one; none to its neighbours."""
 
@@ -291,13 +280,10 @@ def _drag(law: Law) -> OtherLaw:
     )
 
 
-# A spring's force is proportional to its length, less the rest length.
-LENGTH = "the length in the spring force"
 # How a coefficient is written that is a multiple of a node's damping rate.
 PER_DAMPING = " * damping / mass"
 NOT_JOINED = "a force between nodes that no spring joins"
 OF_ZERO = "a driving force of t = 0"
-_PLANES = ("x and y", "x and z", "y and z")
 OTHER_LAWS: dict[str, OtherLaw] = {
     **{f"drag that {law.words}": _drag(law) for law in LAWS.values() if law.kind == "damping"},
     **{
@@ -343,16 +329,12 @@ OTHER_LAWS: dict[str, OtherLaw] = {
         for words, length in {
             **{
                 f"divided by a length of {plane} alone": lambda d, plane=plane: _in_plane(d, plane)
-                for plane in _PLANES
+                for plane in ("x and y", "x and z", "y and z")
             },
             "divided by a sum of coordinates": lambda d: np.sum(np.abs(d), axis=1, keepdims=True),
             "not divided by the length": lambda d: np.ones((len(d), 1)),
             "divided by the square of the length": lambda d: _length(d) ** 2,
         }.items()
-    },
-    **{
-        f"a length in the spring force of {plane} alone": _length_in_plane(plane)
-        for plane in _PLANES
     },
     "a spring force that is no linear function of the length": _springs(
         lambda motion, spring, d, w: d * _length(d),

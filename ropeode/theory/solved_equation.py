@@ -13,7 +13,6 @@ from ropeode.theory.diagnosis import Diagnosis, Fault
 from ropeode.theory.expansion import Expansion
 from ropeode.theory.projection import projected
 from ropeode.theory.rope_terms import (
-    LENGTH,
     NOT_JOINED,
     OF_ZERO,
     OTHER_LAWS,
@@ -415,7 +414,8 @@ def _mistakes_in(factors: Sequence[Factor]) -> list[Fault]:
         # One factor for both: it is the force that is off.
         factors = [each for each in factors if each.kind != "rest"]
     elif all(each.equals(1.0) for each in rests):
-        subject = LENGTH
+        # It is proportional to the length, less the rest length.
+        subject = "the length in the spring force"
     for kind in _EVERY:
         own = [each for each in factors if each.kind == kind]
         words = subject if kind == "spring" else TERMS[kind].name
