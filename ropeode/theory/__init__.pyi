@@ -38,7 +38,6 @@ from .spectrum import derivative_of_rhs as derivative_of_rhs
 from .spectrum import spectral_limit as spectral_limit
 from .spectrum import spectrum_of as spectrum_of
 from .stability_function import LeadingTerm as LeadingTerm
-from .stability_function import NoStabilityFunction as NoStabilityFunction
 from .stability_function import StabilityFunction as StabilityFunction
 from .stability_function import stability_function_of as stability_function_of
 from .stability_limits import StabilityLimits as StabilityLimits

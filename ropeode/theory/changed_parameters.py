@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -21,27 +20,6 @@ _EXPLAINED = 1e-6
 _CLOSE = 1e-14
 # What the rate of change of a quantity is.
 _WHOLE = {"position": "the velocity", "velocity": "the acceleration"}
-
-
-class Parameter(NamedTuple):
-    """A number, or an array of numbers, that a right-hand side depends on.
-
-    Fields:
-        name: of its place in `Problem.args`.
-        index: among the leaves of these.
-        value: that the problem gives.
-    """
-
-    name: str
-    index: int
-    value: np.ndarray
-
-    def times(self, factor: float) -> str:
-        """In words, that the parameter is multiplied by a factor."""
-        if self.value.size == 1:
-            given = float(self.value.ravel()[0])
-            return f"{self.name} = {factor * given:.8g} in place of {given:.8g}"
-        return f"{self.name} multiplied by {factor:.8g}"
 
 
 def diagnose_parameters(expansion: Expansion) -> Diagnosis | None:
@@ -62,29 +40,35 @@ def diagnose_parameters(expansion: Expansion) -> Diagnosis | None:
         line = f"it is {factor:.8g} f, as if time ran so many times as fast"
         return Diagnosis("pace", line, {"pace": factor, "rest": pace.rest})
     some = parameters(problem)
-    tried = [[each] for each in some] + ([some] if len(some) > 1 else [])
-    for several in tried:
-        change, rest = _changed(expansion, several)
+    for several in [*([name] for name in some), *([[*some]] if len(some) > 1 else [])]:
+        change, rest = _changed(expansion, [some[name][0] for name in several])
         if rest <= _EXPLAINED * size:
             changed = zip(several, (1.0 + change).tolist(), strict=True)
-            factors = [pair for pair in changed if abs(pair[1] - 1.0) > _EXPLAINED]
-            words = ", ".join(each.times(factor) for each, factor in factors)
-            evidence = {each.name: factor for each, factor in factors}
-            line = f"it is f with {words}"
-            return Diagnosis("parameters", line, {"factors": evidence, "rest": rest})
+            factors = {name: factor for name, factor in changed if abs(factor - 1.0) > _EXPLAINED}
+            words = (_multiplied(name, some[name][1], factor) for name, factor in factors.items())
+            line = f"it is f with {', '.join(words)}"
+            return Diagnosis("parameters", line, {"factors": factors, "rest": rest})
     return _by_component(expansion, size)
 
 
-def parameters(problem: Problem) -> list[Parameter]:
-    """The parameters of a problem that are numbers other than 0, or arrays of such."""
-    leaves = jax.tree_util.tree_flatten_with_path(problem.args)[0]
-    found = []
-    for index, (path, leaf) in enumerate(leaves):
+def parameters(problem: Problem) -> dict[str, tuple[int, np.ndarray]]:
+    """Those of a problem that are numbers other than 0, or arrays of such, by name.
+
+    Each with its place among the leaves of `Problem.args`.
+    """
+    found = {}
+    for index, (path, leaf) in enumerate(jax.tree_util.tree_flatten_with_path(problem.args)[0]):
         value = np.asarray(leaf)
         if np.issubdtype(value.dtype, np.floating) and np.any(value):
             name = jax.tree_util.keystr(path, simple=True, separator=".")
-            found.append(Parameter(name or "args", index, value))
+            found[name or "args"] = index, value
     return found
+
+
+def _multiplied(name: str, value: np.ndarray, factor: float) -> str:
+    if value.size > 1:
+        return f"{name} multiplied by {factor:.8g}"
+    return f"{name} = {factor * value.item():.8g} in place of {value.item():.8g}"
 
 
 def common_pace(expansions: Sequence[Expansion]) -> Projection | None:
@@ -95,15 +79,15 @@ def common_pace(expansions: Sequence[Expansion]) -> Projection | None:
     return found if found.rest <= _EXPLAINED * np.max(np.abs(right)) else None
 
 
-def _changed(expansion: Expansion, several: list[Parameter]) -> tuple[np.ndarray, float]:
+def _changed(expansion: Expansion, several: list[int]) -> tuple[np.ndarray, float]:
     """By which parts parameters are changed in the equation that a step solves, and the rest."""
     target = expansion.slopes + expansion.rate(0).value
     leaves, structure = jax.tree.flatten(expansion.problem.args)
 
     def away(change: np.ndarray) -> np.ndarray:
         values = list(leaves)
-        for each, part in zip(several, change.tolist(), strict=True):
-            values[each.index] = np.asarray(leaves[each.index]) * (1.0 + part)
+        for index, part in zip(several, change.tolist(), strict=True):
+            values[index] = np.asarray(leaves[index]) * (1.0 + part)
         rates = rates_of(expansion.problem, jax.tree.unflatten(structure, values))
         return (rates(expansion.t, expansion.y) - target).ravel()
 

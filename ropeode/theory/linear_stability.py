@@ -16,11 +16,7 @@ from ropeode.references import Reference
 from ropeode.simulation import Method, method_of, simulate, step_size
 from ropeode.theory.growth import StableSteps, fewest_steps, stable_steps_at_rest
 from ropeode.theory.spectrum import SpectralLimit, Spectrum, spectral_limit, spectrum_of
-from ropeode.theory.stability_function import (
-    NoStabilityFunction,
-    StabilityFunction,
-    stability_function_of,
-)
+from ropeode.theory.stability_function import StabilityFunction, stability_function_of
 from ropeode.theory.stability_limits import StabilityLimits, stability_limits_of
 
 # A run has blown up where it is so many times larger than anything on the reference.
@@ -59,7 +55,7 @@ class LinearStability:
     """
 
     problem: Problem
-    function: StabilityFunction | NoStabilityFunction
+    function: StabilityFunction | str
     limits: StabilityLimits | None
     along: Spectrum
     predicted: SpectralLimit | None
@@ -92,8 +88,8 @@ def linear_stability_of(reference: Reference, stepper: Any) -> LinearStability:
     along = spectrum_of(problem, times, reference.states[: reference.trusted])
     function = stability_function_of(problem, method)
     limits = predicted = None
-    if isinstance(function, NoStabilityFunction):
-        notes.append(function.reason)
+    if isinstance(function, str):
+        notes.append(function)
     else:
         limits = stability_limits_of(function)
         predicted = spectral_limit(problem, function, along)
@@ -119,7 +115,7 @@ def linear_stability_of(reference: Reference, stepper: Any) -> LinearStability:
 def _at_rest(
     problem: Problem,
     method: Method,
-    function: StabilityFunction | NoStabilityFunction,
+    function: StabilityFunction | str,
     notes: list[str],
 ) -> tuple[SpectralLimit | None, StableSteps | None]:
     """How short steps have to be about the equilibrium: predicted, and measured."""

@@ -48,17 +48,6 @@ class LeadingTerm:
     power: int
 
 
-@dataclasses.dataclass(frozen=True)
-class NoStabilityFunction:
-    """That there is none.
-
-    Arguments:
-        reason: one sentence for each equation that was tried.
-    """
-
-    reason: str
-
-
 @dataclasses.dataclass(frozen=True, eq=False)
 class StabilityFunction:
     """By what one step multiplies a mode ``exp(lambda t)`` of a linear equation, at z = dt lambda.
@@ -119,9 +108,7 @@ class StabilityFunction:
 
 
 @in_float64
-def stability_function_of(
-    problem: Problem, stepper: Any
-) -> StabilityFunction | NoStabilityFunction:
+def stability_function_of(problem: Problem, stepper: Any) -> StabilityFunction | str:
     """The stability function of a stepper, from its own steps.
 
     It is tried on ``y' = lambda y`` with complex lambda first, as a real system of two equations,
@@ -132,6 +119,9 @@ def stability_function_of(
         problem: on which the stepper runs; if that is not mechanical, the oscillator is not tried.
         stepper: whatever `ropeode.as_stepper` takes.
 
+    Returns:
+        Why there is none, if so: a sentence for each equation that was tried.
+
     Raises:
         InputError: there is no such stepper, or it cannot run on the problem.
         UserCodeError: a user's step raised on that problem.
@@ -141,17 +131,15 @@ def stability_function_of(
     if isinstance(first, StabilityFunction) or problem.mechanics is None:
         return first
     second = _on(OSCILLATOR, method)
-    if isinstance(second, StabilityFunction):
-        return second
-    return NoStabilityFunction(f"{first.reason} {second.reason}")
+    return second if isinstance(second, StabilityFunction) else f"{first} {second}"
 
 
-def _on(equation: LinearEquation, method: Method) -> StabilityFunction | NoStabilityFunction:
+def _on(equation: LinearEquation, method: Method) -> StabilityFunction | str:
     """The stability function on one of the test equations."""
     found, name = LinearMethod(equation, method), equation.name
     args, damped = equation.modes(_GENERIC, -_GENERIC), True
     if why := _refusal(found, method, args):
-        return NoStabilityFunction(f"On {name} {why}.")
+        return f"On {name} {why}."
     if equation is OSCILLATOR:
         with_damping = equation.modes(_GENERIC, _GENERIC.conj())
         damped = method.stepper.needs != "second order, no damping" and not _refusal(
@@ -160,7 +148,7 @@ def _on(equation: LinearEquation, method: Method) -> StabilityFunction | NoStabi
         # What is a one-step method without damping may have memory with it.
         args = np.concatenate([args, with_damping]) if damped else args
     if not found.settle(args):
-        return NoStabilityFunction(f"On {name} {_UNSETTLED}.")
+        return f"On {name} {_UNSETTLED}."
     return StabilityFunction(
         stepper=method.stepper.label,
         equation=name,

@@ -99,7 +99,7 @@ READ = {
     Norm: NORMS.get,
     references.Solver: functools.partial(getattr, references),
     references.ExtendedSolution: lambda given: named(given),
-    theory.StabilityFunction: lambda given: theory.NoStabilityFunction(**given),
+    theory.StabilityFunction: str,
     case_studies.Figure: lambda number: case_studies.all_figures()[number],
     case_studies.Comparison: lambda number: case_studies.all_comparisons()[number],
 }

@@ -12,7 +12,6 @@ from ropeode.progress import Progress, part_of
 from ropeode.render import limit_words, region_words
 from ropeode.study.error_constant import leading_term
 from ropeode.theory import (
-    NoStabilityFunction,
     Spectrum,
     predicted_error,
     spectral_limit,
@@ -56,8 +55,8 @@ def stability(ask: AskStability, laboratory: Laboratory, progress: Progress) -> 
     }
     progress(f"{ask.stepper}: the stability region", 0.6)
     label, function = method.stepper.label, stability_function_of(motion.problem, method)
-    if isinstance(function, NoStabilityFunction):
-        return Stability(stepper=label, why_none=function.reason, words=function.reason), arrays
+    if isinstance(function, str):
+        return Stability(stepper=label, why_none=function, words=function), arrays
     limit = spectral_limit(motion.problem, function, along)
     largest = None if limit is None or limit.steps.steps_per_frame is None else limit.steps.dt
     if largest is not None and not np.isfinite(largest):
