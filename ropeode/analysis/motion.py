@@ -179,7 +179,56 @@ def classify_motion(trajectory: Trajectory, thresholds: Thresholds = DEFAULT_THR
         'diverges'
     """
     check_kind("trajectory", trajectory, Trajectory, "simulate")
-    return _classified(_measured(trajectory), thresholds)
+    args, run = _rope_args(trajectory.problem), trajectory
+    rest_length, gravity = np.asarray(args.rest_length), np.asarray(args.gravity)[:, 0]
+    length, strength = np.sum(rest_length), np.linalg.norm(gravity)
+    # In the units of `Thresholds`. A run that blows up may exceed what can be squared; it has
+    # diverged by then anyway.
+    with np.errstate(over="ignore", invalid="ignore"):
+        times = (run.times - run.times[0]) * np.sqrt(strength / length)
+        speed = np.max(_norm(run.velocities), axis=1) / np.sqrt(strength * length)
+        stretches = _norm(np.diff(run.positions, axis=1)) / rest_length - 1.0
+        aside = _aside(run.positions, args, gravity / strength) / length
+    whole = np.isfinite(speed) & np.all(stretches <= thresholds.stretch, axis=1)
+    broken = np.flatnonzero(~whole)
+    diverged_at = int(broken[0]) if len(broken) else run.diverged_at
+    kept = len(whole) if diverged_at is None else diverged_at
+    if kept == 0:
+        raise bad_value(
+            "trajectory",
+            "a first sample that has diverged",
+            "a run that starts finite, with springs not longer than the threshold `stretch`",
+            "start it in another state, or raise stretch",
+        )
+    at_rest = speed[:kept] < thresholds.speed
+    settled_at, end = _last_rest(times[:kept], at_rest, thresholds.rest)
+    left = settled_at is not None and (end < kept or diverged_at is not None)
+    aside = aside[:kept]
+    first_side = np.sign(aside[np.argmax(np.abs(aside) > thresholds.swing)])
+    reached = np.flatnonzero(aside * first_side <= thresholds.swing)
+    swing_times = _passed_vertical(run.times[:kept], aside, thresholds.swing)
+
+    verdict: Verdict = "never_settles"
+    if diverged_at is not None:
+        verdict = "diverges"
+    elif settled_at is not None and not left:
+        verdict = "settles" if len(swing_times) else "settles_without_swinging"
+    stretch = np.max(stretches[:kept], axis=1)
+    last = slice(kept - max(1, round(_LAST_PART * kept)), kept)
+    return Motion(
+        verdict=verdict,
+        diverged_at=diverged_at,
+        settled_at=settled_at,
+        unsettled_at=end if left else None,
+        swing_times=swing_times,
+        reached_vertical_at=int(reached[0]) if len(reached) else None,
+        frames=kept - 1,
+        thresholds=thresholds,
+        largest_stretch=float(np.max(stretch)),
+        largest_stretch_at=int(np.argmax(stretch)),
+        jitter=float(np.sqrt(np.mean(_lengthening(run, last) ** 2))),
+        run=run,
+    )
 
 
 def sensitivity(
@@ -189,58 +238,15 @@ def sensitivity(
 
     Arguments and exceptions are those of `classify_motion`.
     """
-    measures = _measured(trajectory)
-    usual = _classified(measures, thresholds).verdict
+    usual = classify_motion(trajectory, thresholds).verdict
     changed = []
     for field in dataclasses.fields(thresholds):
         for factor in (0.5, 2.0):
             value = factor * getattr(thresholds, field.name)
-            words = _classified(measures, dataclasses.replace(thresholds, **{field.name: value}))
+            other = dataclasses.replace(thresholds, **{field.name: value})
+            words = classify_motion(trajectory, other)
             changed.append(Sensitivity(field.name, value, words, words.verdict != usual))
     return tuple(changed)
-
-
-class _Measures(NamedTuple):
-    """A trajectory without units, sample by sample; not finite where its states are not.
-
-    Fields:
-        times: since the start, in T.
-        speed: of the fastest node, in V.
-        stretch: of each spring, in its rest lengths, ``(times, springs)``.
-        aside: of the centre of mass from the vertical, in L.
-        run: the trajectory.
-    """
-
-    times: np.ndarray
-    speed: np.ndarray
-    stretch: np.ndarray
-    aside: np.ndarray
-    run: Trajectory
-
-
-def _measured(trajectory: Trajectory) -> _Measures:
-    """Measure a rope.
-
-    Arguments:
-        trajectory: of a rope; it may have diverged.
-
-    Raises:
-        InputError: it is not that of a rope that can hang.
-    """
-    args = _rope_args(trajectory.problem)
-    rest_length = np.asarray(args.rest_length)
-    gravity = np.asarray(args.gravity)[:, 0]
-    length, strength = np.sum(rest_length), np.linalg.norm(gravity)
-    x, v, times = trajectory.positions, trajectory.velocities, trajectory.times
-    # A run that blows up may exceed what can be squared; it has diverged by then anyway.
-    with np.errstate(over="ignore", invalid="ignore"):
-        return _Measures(
-            times=(times - times[0]) * np.sqrt(strength / length),
-            speed=np.max(_norm(v), axis=1) / np.sqrt(strength * length),
-            stretch=_norm(np.diff(x, axis=1)) / rest_length - 1.0,
-            aside=_aside(x, args, gravity / strength) / length,
-            run=trajectory,
-        )
 
 
 def _rope_args(problem: Problem) -> Any:
@@ -316,49 +322,6 @@ def _lengthening(trajectory: Trajectory, samples: slice) -> np.ndarray:
     )
     frame = step_size(trajectory.problem, 1)
     return frame * rate / np.asarray(trajectory.problem.args.rest_length)
-
-
-def _classified(measures: _Measures, thresholds: Thresholds) -> Motion:
-    whole = np.isfinite(measures.speed) & np.all(measures.stretch <= thresholds.stretch, axis=1)
-    broken = np.flatnonzero(~whole)
-    diverged_at = int(broken[0]) if len(broken) else measures.run.diverged_at
-    kept = len(whole) if diverged_at is None else diverged_at
-    if kept == 0:
-        raise bad_value(
-            "trajectory",
-            "a first sample that has diverged",
-            "a run that starts finite, with springs not longer than the threshold `stretch`",
-            "start it in another state, or raise stretch",
-        )
-    at_rest = measures.speed[:kept] < thresholds.speed
-    settled_at, end = _last_rest(measures.times[:kept], at_rest, thresholds.rest)
-    left = settled_at is not None and (end < kept or diverged_at is not None)
-    aside = measures.aside[:kept]
-    first_side = np.sign(aside[np.argmax(np.abs(aside) > thresholds.swing)])
-    reached = np.flatnonzero(aside * first_side <= thresholds.swing)
-    swing_times = _passed_vertical(measures.run.times[:kept], aside, thresholds.swing)
-
-    verdict: Verdict = "never_settles"
-    if diverged_at is not None:
-        verdict = "diverges"
-    elif settled_at is not None and not left:
-        verdict = "settles" if len(swing_times) else "settles_without_swinging"
-    stretch = np.max(measures.stretch[:kept], axis=1)
-    last = slice(kept - max(1, round(_LAST_PART * kept)), kept)
-    return Motion(
-        verdict=verdict,
-        diverged_at=diverged_at,
-        settled_at=settled_at,
-        unsettled_at=end if left else None,
-        swing_times=swing_times,
-        reached_vertical_at=int(reached[0]) if len(reached) else None,
-        frames=kept - 1,
-        thresholds=thresholds,
-        largest_stretch=float(np.max(stretch)),
-        largest_stretch_at=int(np.argmax(stretch)),
-        jitter=float(np.sqrt(np.mean(_lengthening(measures.run, last) ** 2))),
-        run=measures.run,
-    )
 
 
 def _last_rest(times: np.ndarray, at_rest: np.ndarray, least: float) -> tuple[int | None, int]:

@@ -10,7 +10,7 @@ from scipy.interpolate import make_interp_spline
 
 from ropeode.precision import in_float64
 from ropeode.problems import Problem
-from ropeode.progress import Progress, part_of, silent
+from ropeode.progress import Progress, silent
 from ropeode.references import Reference
 from ropeode.simulation import Method
 from ropeode.theory.expansion import EXPANSION_STEPS, SETTLED, Expansion, expanded
@@ -105,15 +105,18 @@ def predicted_error(
     if lacking:
         return lacking
     order = min(each.order for each in (local, begin) if each.order is not None)
-    along = solution_along(reference, part_of(progress, 0.2, 0.6))
+    progress("following the solution", 0.2)
+    along = solution_along(reference)
     if isinstance(along, str):
         return along
+    pieces, index = along
+    t, y = (np.concatenate([getattr(each, of) for each in pieces])[index] for of in ("t", "y"))
     zeros = order + 1 if samples.carries_state else order
     later = SETTLED if local.one_step else SETTLED + _LATER
     one_step = local.one_step and not samples.may_begin
     rates: dict[int, list[np.ndarray]] = {SETTLED: [], later: []}
-    for index, each in enumerate(along.pieces):
-        progress("the local error", 0.6 + 0.4 * index / len(along.pieces))
+    for done, each in enumerate(pieces):
+        progress("the local error", 0.6 + 0.4 * done / len(pieces))
         for settled, found in rates.items():
             found.append(_local_error(samples, each, order, zeros, settled, one_step))
     start = begin.start(order).value[0]
@@ -121,8 +124,8 @@ def predicted_error(
     def propagated(settled: int, stride: int = 1, ladder: int = -1) -> np.ndarray:
         progress("the error's equation", 1.0)
         rate = np.concatenate(rates[settled], axis=1)[ladder]
-        each = along.t, along.y, rate[along.index]
-        return _propagated(problem, times, start, *(values[::stride] for values in each))
+        each = (values[::stride] for values in (t, y, rate[index]))
+        return _propagated(problem, times, start, *each)
 
     fine = propagated(SETTLED)
     size = float(np.max(np.abs(fine))) or 1.0

@@ -38,8 +38,9 @@ _RUN = 3
 _ZERO, _SAME = 1e-12, 1e-8
 
 
-def _times(real: Any, imaginary: Any, y: Any) -> Any:
-    """The product with a complex number; pairs stand on the last axis."""
+def _times(number: Any, y: Any) -> Any:
+    """The product with a complex number, a pair; so are those on the last axis of `y`."""
+    real, imaginary = number
     return real * y + imaginary * jnp.stack([-y[..., 1], y[..., 0]], axis=-1)
 
 
@@ -74,7 +75,7 @@ class LinearEquation:
 FIRST_ORDER = LinearEquation(
     "y' = lambda y",
     lambda: Problem(
-        lambda t, y, args: _times(*args, y), np.array([1.0, 0.5]), np.arange(2.0), (-1.0, 1.0)
+        lambda t, y, args: _times(args, y), np.array([1.0, 0.5]), np.arange(2.0), (-1.0, 1.0)
     ),
     lambda z, other: np.stack([np.real(z), np.imag(z)], axis=-1),
     (-1, -1, 0, 0),
@@ -83,7 +84,7 @@ FIRST_ORDER = LinearEquation(
 OSCILLATOR = LinearEquation(
     "x'' = -omega^2 x - 2 gamma x'",
     lambda: Problem.second_order(
-        lambda t, x, v, args: -_times(*args[:2], x) - args[2] * v,
+        lambda t, x, v, args: -_times(args[:2], x) - args[2] * v,
         [[1.0, 0.5]],
         [[0.0, 0.0]],
         [0.0, 1.0],

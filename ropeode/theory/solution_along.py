@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ropeode.progress import Progress, silent
 from ropeode.references import Reference
 from ropeode.theory.flow import Flow, largest, short_flow
 from ropeode.theory.step_samples import rates_of
@@ -45,69 +44,30 @@ class Pieces(NamedTuple):
         return (ahead - begin[:, :, None]).reshape(len(self.t), -1, *begin.shape[2:])
 
 
-class Along(NamedTuple):
-    """A solution from the first sample to the last that a reference is trusted for.
-
-    Fields:
-        pieces: all of its states, some at a time.
-        index: of the states of all pieces, one after the other, those in the order of time.
-    """
-
-    pieces: list[Pieces]
-    index: np.ndarray
-
-    @property
-    def t(self) -> np.ndarray:
-        """The times of the states, increasing."""
-        return np.concatenate([each.t for each in self.pieces])[self.index]
-
-    @property
-    def y(self) -> np.ndarray:
-        """The states, ``(states, *state)``."""
-        return np.concatenate([each.y for each in self.pieces])[self.index]
-
-
-def solution_along(reference: Reference, progress: Progress = silent) -> Along | str:
-    """The solution of a reference between its samples, to rounding, from sample to sample.
+@functools.lru_cache(maxsize=4)
+def solution_along(reference: Reference) -> tuple[list[Pieces], np.ndarray] | str:
+    """The solution of a reference between its samples, to rounding, as far as it is trusted.
 
     Arguments:
-        reference: whose solution; those of the last ones are kept.
-        progress: called with what is being done and the fraction that is done.
+        reference: whose solution.
 
     Returns:
-        A reason in place of it where it is smooth in very short pieces only.
+        Pieces, and the index of the states of all of them, one after the other, in the order of
+        time. A reason in place of them where it is smooth in very short pieces only.
     """
-    kept = _kept(reference)
-    if not kept:
-        kept.append(_followed(reference, progress))
-    return kept[0]
-
-
-@functools.lru_cache(maxsize=4)
-def _kept(reference: Reference) -> list[Along | str]:
-    del reference
-    return []
-
-
-def _followed(reference: Reference, progress: Progress) -> Along | str:
     times, states = reference.times[: reference.trusted], reference.states[: reference.trusted]
-    own_rates, found, count = rates_of(reference.problem), [], 0
+    rates, found, count = rates_of(reference.problem), [], 0
     # All frames are begun at once, and each is followed to its end.
     t, y, left = times[:-1], states[:-1], np.diff(times)
     length = 2.0 * left
     # Where a frame ends no piece shows it.
     late = _DISTURBANCE * np.spacing(np.max(np.abs(times)))
-    before, after = (own_rates(times + way * late, states) for way in (-1.0, 1.0))
+    before, after = (rates(times + way * late, states) for way in (-1.0, 1.0))
     jump = largest(after - before)[1:-1] > _JUMP * np.max(np.abs(after), initial=0.0)
     if np.any(jump):
         return f"the right-hand side jumps at t = {times[1:-1][jump][0]:.6g}"
 
-    def rates(t: np.ndarray, y: np.ndarray) -> np.ndarray:
-        progress("following the solution", done)
-        return own_rates(t, y)
-
     while len(t):
-        done = 1.0 - float(np.sum(left)) / float(times[-1] - times[0])
         flow = short_flow(rates, t, y, np.minimum(2.0 * left, 2.0 * length))
         length, moved = flow.length, flow.increments(_FRACTIONS)
         with np.errstate(invalid="ignore"):
@@ -139,4 +99,4 @@ def _followed(reference: Reference, progress: Progress) -> Along | str:
     last = np.arange(len(every)) % (_PLACES + 1) == _PLACES
     last[np.argmax(every)] = False
     inner = np.flatnonzero(~last)
-    return Along(pieces, inner[np.argsort(every[inner])])
+    return pieces, inner[np.argsort(every[inner])]
