@@ -36,9 +36,8 @@ from ropeode.analysis import differences, in_other_units, least_clear_error, rou
 from ropeode.norms import norm_for
 from ropeode.problems import PROBLEMS
 from ropeode.references import Reference
-from ropeode.render import variants
 from ropeode.simulation import Method, method_of
-from ropeode.steppers import STEPPERS, BuiltIn, ConstraintVerlet
+from ropeode.steppers import STEPPERS, BuiltIn, ConstraintVerlet, variants
 from ropeode.study import problem_class
 from ropeode.theory import PredictedError, predicted_error
 

@@ -15,9 +15,9 @@ from ropeode.laboratory import parameters_of
 from ropeode.problems import PROBLEMS, Problem
 from ropeode.problems.library import ROPES
 from ropeode.references import entries
-from ropeode.render import argument_words, variants
+from ropeode.render import argument_words
 from ropeode.render.docstrings import description, source
-from ropeode.steppers import STEPPERS, BuiltIn, ProblemClass, options
+from ropeode.steppers import STEPPERS, BuiltIn, ProblemClass, options, variants
 
 SCHEMAS = Path(__file__).parent / "schemas"
 # Ropes refer to no book.

@@ -56,7 +56,6 @@ from .stability_words import limit_words as limit_words
 from .stability_words import region_words as region_words
 from .stepper_list import describe_stepper as describe_stepper
 from .stepper_list import list_steppers as list_steppers
-from .stepper_list import variants as variants
 from .table_words import order_interval as order_interval
 from .table_words import order_remark as order_remark
 from .table_words import problem_words as problem_words

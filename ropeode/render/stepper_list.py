@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-
 from ropeode.render.docstrings import argument_words, description, source
 from ropeode.render.markup import Block, Grid, Heading, Paragraph, Section, plain
 from ropeode.steppers import (
@@ -13,6 +11,7 @@ from ropeode.steppers import (
     Stepper,
     by_family,
     options,
+    variants,
 )
 
 # Of problems, as the columns of declared orders name them.
@@ -23,15 +22,6 @@ _KINDS = {
     ProblemClass(damped=True, at_rest=False): "damped moving",
 }
 _LEFT, _LONG = frozenset({0, 2}), frozenset({2})
-
-
-def variants(cls: type[BuiltIn]) -> list[BuiltIn]:
-    """A stepper with every combination of its options, the defaults first."""
-    choices = options(cls)
-    return [
-        cls(**dict(zip(choices, chosen, strict=True)))
-        for chosen in itertools.product(*choices.values())
-    ]
 
 
 def list_steppers() -> str:

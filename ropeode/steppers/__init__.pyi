@@ -11,6 +11,7 @@ from .registry import STEPPERS as STEPPERS
 from .registry import by_family as by_family
 from .registry import options as options
 from .registry import registered_stepper as registered_stepper
+from .registry import variants as variants
 from .runge_kutta import RungeKutta as RungeKutta
 from .runge_kutta_methods import Heun as Heun
 from .runge_kutta_methods import Kutta3 as Kutta3

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from types import ModuleType
 from typing import get_args, get_type_hints
 
@@ -80,6 +81,15 @@ def options(stepper: type[BuiltIn]) -> dict[str, tuple[str, ...]]:
         )
         for option in dataclasses.fields(stepper)
     }
+
+
+def variants(cls: type[BuiltIn]) -> list[BuiltIn]:
+    """A stepper with every combination of its options, the defaults first."""
+    choices = options(cls)
+    return [
+        cls(**dict(zip(choices, chosen, strict=True)))
+        for chosen in itertools.product(*choices.values())
+    ]
 
 
 def registered_stepper(text: str) -> BuiltIn:

@@ -12,7 +12,7 @@ import numpy as np
 from ropeode.json_form import json_shows
 from ropeode.problems import Problem
 from ropeode.simulation import Trial, method_of
-from ropeode.steppers import STEPPERS, BuiltIn, Stepper, options, registered_stepper
+from ropeode.steppers import STEPPERS, BuiltIn, Stepper, variants
 from ropeode.theory.expansion import Expansion
 from ropeode.theory.step_samples import StepSamples
 
@@ -80,7 +80,7 @@ def equal_steppers(
         UserCodeError: the step raised.
     """
     t, y, reach = _cases(at)
-    for other in known_steppers():
+    for other in itertools.chain.from_iterable(map(variants, STEPPERS.values())):
         if other.refusal(samples.problem) is not None or (other.keeps_lengths and not lengths):
             continue
         if other.family == "implicit" and not (implicit and order(other)):
@@ -90,15 +90,6 @@ def equal_steppers(
             found = _difference(samples, other, t, y, reach)
             if found.same:
                 yield found
-
-
-def known_steppers() -> Iterator[BuiltIn]:
-    """The steppers of ropeode with each combination of their options."""
-    for name, cls in STEPPERS.items():
-        choices = options(cls)
-        for values in itertools.product(*choices.values()):
-            chosen = (f"{key}={value}" for key, value in zip(choices, values, strict=True))
-            yield registered_stepper(f"{name}:{','.join(chosen)}")
 
 
 def _cases(at: Expansion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

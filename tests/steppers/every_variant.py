@@ -8,8 +8,7 @@ from typing import Any, get_type_hints
 
 import pytest
 
-from ropeode.render import variants
-from ropeode.steppers import STEPPERS, BuiltIn
+from ropeode.steppers import STEPPERS, BuiltIn, variants
 
 
 def number_options(cls: type[BuiltIn]) -> list[str]:
