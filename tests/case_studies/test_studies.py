@@ -16,10 +16,11 @@ from docs.studies.small_steps import (
     splits,
     tip_errors,
 )
-from ropeode import Rope, hanging_equilibrium, reference, simulate
+from ropeode import Rope, hanging_equilibrium, simulate
 from ropeode.analysis import frequencies
 from ropeode.errors import InputError
 from ropeode.theory import stability_function_of
+from tests.exact_reference import rope_reference
 
 
 @pytest.mark.slow
@@ -69,7 +70,7 @@ LENGTHS = np.full(3, np.hypot(40.0, 10.0) / 3)
 
 @pytest.fixture(scope="module")
 def truth():
-    return reference(UNEQUAL.problem(FRAMES), rtol=1e-10, accuracy=1e-3)
+    return rope_reference(UNEQUAL.problem(FRAMES))
 
 
 def test_all_splits_of_each_budget_are_run_and_measured_as_they_say(truth):

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import pytest
 
-from ropeode import reference
+from tests.exact_reference import rope_reference
 
 
 @pytest.fixture(scope="session")
@@ -16,4 +14,4 @@ def known(small_rope):
     Without parameters it has no rope of the other kind, whose reference takes long;
     test_other_ropes.py has both.
     """
-    return dataclasses.replace(reference(small_rope), problem=small_rope.changed(parameters={}))
+    return rope_reference(small_rope.changed(parameters={}))

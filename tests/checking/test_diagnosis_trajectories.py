@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from trajectory_writing import write_runs
 
-from ropeode import Rope, grade, reference, simulate
+from ropeode import Rope, grade, simulate
 from ropeode.checking import diagnose_trajectories
 from ropeode.problems import PROBLEMS
+from tests.exact_reference import rope_reference
 
 STEPS = (64, 128, 256, 512)
 slow = pytest.mark.slow
@@ -87,7 +88,7 @@ def test_numbers_are_right_to_their_spread(seed):
     changed = {name: factor * getattr(problem.args, name) for name, factor in factors.items()}
     other = problem.changed(args=problem.args._replace(**changed))
     runs = [(1 / n, simulate(other, "rk4", n).states) for n in (24, 36, 48, 72, 96)]
-    found = diagnose_trajectories(reference(problem), runs, problem.quantities)
+    found = diagnose_trajectories(rope_reference(problem), runs, problem.quantities)
     # Damping and stiffness together have the same effect as a mass and one of them.
     right = {terms[name]: factor for name, factor in factors.items()}
     each = [found.evidence["terms"], *found.evidence["alternatives"]]

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from trajectory_writing import WRITERS, node_values, write_npz, write_runs
 
-from ropeode import grade, reference
+from ropeode import grade
 from ropeode.errors import InputError
 from ropeode.problems import Rope
 from ropeode.simulation import simulate
+from tests.exact_reference import rope_reference
 from tests.sampled import sampled
 
 STEPS = (24, 48, 96)
@@ -164,7 +165,7 @@ def test_momenta(tmp_path):
     own = {n: node_values(rope, simulate(rope, "velocity-verlet", n).states) for n in STEPS}
     times = after(np.ones((2, 4)), np.stack([masses, masses])).T
     files = written(tmp_path, own, lambda t, v, dt: (t, v * times, dt))
-    assert "velocities are multiplied by the masses" in mistake(files, reference(rope))
+    assert "velocities are multiplied by the masses" in mistake(files, rope_reference(rope))
 
 
 def test_the_report_names_the_mistake_once(tmp_path, known, runs):

@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 
 import ropeode
-from ropeode import grade, reference
+from ropeode import grade
 from ropeode.checking import samples_of, write_assignment
 from ropeode.study import TableJob, read_spec
+from tests.exact_reference import rope_reference
 
 SOURCE = Path(ropeode.__file__).parent / "checking" / "starter_files" / "games101"
 TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorials" / "grade-cpp.md"
@@ -47,7 +48,7 @@ def mine(tmp_path_factory):
 @pytest.fixture(scope="module")
 def known(mine):
     """The references of both specs."""
-    return {name: reference(TableJob(read_spec(mine / name)).problem) for name in SPECS}
+    return {name: rope_reference(TableJob(read_spec(mine / name)).problem) for name in SPECS}
 
 
 def compiled(folder, source, program="rope", warnings=("-Wall", "-Wextra", "-pedantic", "-Werror")):

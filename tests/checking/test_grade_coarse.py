@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from trajectory_writing import finding, node_values, write_npz, write_runs
 
-from ropeode import grade, reference
+from ropeode import grade
 from ropeode.checking import read_runs
 from ropeode.problems import Rope
 from ropeode.simulation import simulate
+from tests.exact_reference import rope_reference
 
 PRE_ASYMPTOTIC = (8, 12, 18, 27, 40, 60)
 
@@ -29,7 +30,7 @@ def rope(**changed):
 
 @pytest.fixture(scope="module")
 def taut():
-    return reference(rope())
+    return rope_reference(rope())
 
 
 def verdict(folder, known, problem, stepper, steps, expected=None):

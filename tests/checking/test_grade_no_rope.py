@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,18 +13,27 @@ from written_programs import rk4
 
 from ropeode import Problem, grade, reference
 from ropeode.problems import PROBLEMS, LinearDamping
+from tests.exact_reference import mechanics_reference
 
 
-def falls(t, x, v, args):
-    return jnp.zeros_like(x) + jnp.array([0.0, -9.81])
+def falls(t, x, v, args, xp: Any = jnp):
+    return xp.zeros_like(x) + xp.array([0.0, -9.81])
 
 
-def pulls(t, x, v, args):
+def pulls(t, x, v, args, xp: Any = jnp):
     """Of masses 1, 2 and 0.5 on springs that are not linear."""
-    d = jnp.diff(x, axis=0)
-    size = jnp.sqrt(jnp.sum(d * d, axis=1, keepdims=True))
-    pull = jnp.pad(40.0 * (size - 1.0) ** 3 * d / size, ((1, 1), (0, 0)))
-    return jnp.diff(pull, axis=0) / jnp.array([[1.0], [2.0], [0.5]])
+    d = xp.diff(x, axis=-2)
+    size = xp.sqrt(xp.sum(d * d, axis=-1, keepdims=True))
+    pull = 40.0 * (size - 1.0) ** 3 * d / size
+    return xp.diff(pull, axis=-2, prepend=0.0, append=0.0) / xp.array([[1.0], [2.0], [0.5]])
+
+
+def slows(t, x, v, args, xp: Any = jnp):
+    return -4.0 * x**3 - 0.3 * v
+
+
+def orbits(t, x, v, args, xp: Any = jnp):
+    return -x / xp.sum(x * x, axis=-1, keepdims=True) ** 1.5
 
 
 BALL = Problem.second_order(falls, [[0.0, 1.0]], [[3.0, 4.0]], np.linspace(0.0, 2.0, 9))
@@ -33,18 +44,21 @@ CHAIN = Problem.second_order(
     np.linspace(0.0, 2.0, 9),
 )
 DAMPED = Problem.second_order(
-    lambda t, x, v, args: -4.0 * x**3 - 0.3 * v,
+    slows,
     [[1.0, 0.2]],
     [[0.5, -1.0]],
     np.linspace(0.0, 2.0, 9),
     damping=lambda args: LinearDamping(0.3, 0.3),
 )
 PROBLEM = {"ball": BALL, "planet": PROBLEMS["kepler"](9), "chain": CHAIN, "damped": DAMPED}
+ACCELERATION = {"ball": falls, "planet": orbits, "chain": pulls, "damped": slows}
 
 
 @pytest.fixture(scope="module")
 def known():
-    return {name: reference(problem) for name, problem in PROBLEM.items()}
+    return {
+        name: mechanics_reference(problem, ACCELERATION[name]) for name, problem in PROBLEM.items()
+    }
 
 
 @pytest.mark.parametrize(

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 from trajectory_writing import finding, write_runs
 
-from ropeode import grade, reference
+from ropeode import grade
 from ropeode.checking import samples_of, write_start
 from ropeode.study import TableJob, read_spec
+from tests.exact_reference import rope_reference
 
 needs_compiler = pytest.mark.skipif(shutil.which("g++") is None, reason="needs g++")
 IN_SPACE = {
@@ -71,7 +72,7 @@ def test_the_program_is_right_and_a_wrong_one_is_not(tmp_path):
     page = (folder / "README.md").read_text()
     commands, graded = commands_of(page)
     commands[0] = commands[0].replace("g++ -O2", "g++ -O0 -Wall -Wextra -Werror")
-    known = reference(job.problem)
+    known = rope_reference(job.problem)
 
     def report(text, **options):
         source.write_text(text)

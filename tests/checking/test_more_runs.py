@@ -9,6 +9,7 @@ from trajectory_writing import finding, write_runs
 
 from ropeode import grade, reference
 from ropeode.problems import PROBLEMS, InextensibleRope, Rope
+from tests.exact_reference import rope_reference
 
 
 def written(folder, problem, stepper, steps, **how):
@@ -79,7 +80,7 @@ def test_a_program_that_is_none_of_the_steppers(tmp_path, known):
 @pytest.mark.slow
 def test_two_steppers_that_are_the_same_here(tmp_path):
     """From rest and without damping, as both names say."""
-    known = reference(Rope(num_nodes=4, damping=0.0).problem(frames=3))
+    known = rope_reference(Rope(num_nodes=4, damping=0.0).problem(frames=3))
     line, _ = carried_out(tmp_path, known, "stormer-verlet:start=rest", (4, 5, 10))
     assert "agree with those of semi-implicit-euler and stormer-verlet:start=rest; add" in line
     assert "with which they show order 1.0" in line

@@ -7,8 +7,9 @@ import dataclasses
 import pytest
 from trajectory_writing import write_runs
 
-from ropeode import grade, reference
+from ropeode import grade
 from ropeode.problems import InextensibleRope, Rope
+from tests.exact_reference import rope_reference
 
 SAME = {"num_nodes": 4, "node_mass": (1.0, 2.0, 0.5, 1.0), "damping": 0.02}
 STEPS = (16, 32, 64)
@@ -18,7 +19,7 @@ STEPS = (16, 32, 64)
 def ropes():
     """The references of both kinds."""
     return {
-        rope.kind: reference(rope.problem(frames=3))
+        rope.kind: rope_reference(rope.problem(frames=3))
         for rope in (Rope(**SAME), InextensibleRope(**SAME))
     }
 
@@ -72,7 +73,7 @@ def test_files_of_neither(tmp_path, ropes, solved, stepper, given):
 @slow
 def test_ropes_that_the_runs_cannot_tell_apart(tmp_path):
     """Springs so stiff that they move as rigid links do, as far as the errors show."""
-    stiff = reference(Rope(num_nodes=3, stiffness=1e4).problem(frames=1))
+    stiff = rope_reference(Rope(num_nodes=3, stiffness=1e4).problem(frames=1))
     rigid = InextensibleRope(num_nodes=3).problem(frames=1)
     made = write_runs(tmp_path, rigid, "explicit-euler", (4, 8, 16))
     assert all(

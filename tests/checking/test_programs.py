@@ -18,7 +18,8 @@ from written_programs import (
     speed,
 )
 
-from ropeode import InextensibleRope, Rope, grade, reference
+from ropeode import InextensibleRope, Rope, grade
+from tests.exact_reference import rope_reference
 
 FRAMES = 4
 
@@ -37,7 +38,7 @@ RIGID = InextensibleRope(num_nodes=5, end=(-100.0, 150.0), damping=0.0)
 @pytest.fixture(scope="module")
 def known():
     return {
-        name: reference(rope.problem(FRAMES))
+        name: rope_reference(rope.problem(FRAMES))
         for name, rope in (("moving", MOVING), ("resting", RESTING), ("rigid", RIGID))
     }
 
@@ -54,7 +55,6 @@ MISTAKES = [
     ("moving", {"push": True}, "parameters", "the spring force has the wrong sign"),
     ("moving", {"one_sided": True}, "parameters", "the node behind them is left out"),
     ("moving", {"damping": 0.0}, "parameters", "the damping is left out"),
-    ("moving", {"gravity": 9.8, "damping": 0.0}, "parameters", "; and the damping is left out"),
     ("moving", {"damping": -1.0}, "parameters", "the damping has the wrong sign"),
     ("resting", {"dashpot": -0.3}, "parameters", "along each spring, of coefficient -0.3"),
     ("moving", {"drag_per_spring": 0.05}, "parameters", "two nodes, of coefficient 0.05"),
@@ -81,11 +81,18 @@ MISTAKES = [
         "parameters",
         "the mass is left out: forces are not divided by it; and the damping grows with the square",
     ),
+]
+# Two at once, of which the search takes longer.
+SEARCHED = [
+    ("moving", {"gravity": 9.8, "damping": 0.0}, "parameters", "; and the damping is left out"),
     ("moving", {"method": frozen, "gravity": -1.0}, "parameters", "With this change, velocity V"),
 ]
 
 
-@pytest.mark.parametrize(("rope", "change", "cause", "words"), MISTAKES)
+@pytest.mark.parametrize(
+    ("rope", "change", "cause", "words"),
+    [*MISTAKES, *(pytest.param(*each, marks=pytest.mark.slow) for each in SEARCHED)],
+)
 def test_the_one_mistake_is_named(known, tmp_path, rope, change, cause, words):
     program = Program(known[rope].problem, **change)
     files = program.files(tmp_path, columns=2 if program.method == "verlet" else 4)
@@ -100,7 +107,7 @@ def test_the_one_mistake_is_named(known, tmp_path, rope, change, cause, words):
 @pytest.mark.slow
 def test_a_fit_of_a_rope_that_nearly_blows_up_ends(tmp_path):
     """Of the changes that are tried, some have slopes whose squares overflow."""
-    long = reference(InextensibleRope().problem(4))
+    long = rope_reference(InextensibleRope().problem(4))
     program = Program(long.problem, method="verlet", kept=1 - 5e-5)
     report = grade(program.files(tmp_path, (128, 256, 512, 1024)), long, expected_order=1)
     assert report.diagnosis[0].cause == "damping-per-step"
@@ -131,7 +138,7 @@ def test_a_node_that_never_moves_hides_no_other_mistake(known, tmp_path):
     [
         ({}, "%.17g"),
         ({}, "%.9g"),
-        ({"method": midpoint}, "%.17g"),
+        pytest.param({"method": midpoint}, "%.17g", marks=pytest.mark.slow),
         ({"method": "verlet"}, "%.17g"),
     ],
 )
@@ -143,7 +150,10 @@ def test_a_right_program_is_called_by_its_method(known, tmp_path, change, digits
     assert [each.cause for each in report.diagnosis] == ["method"]
 
 
-@pytest.mark.parametrize(("method", "verdict"), [(explicit, "wrong"), (semi_implicit, "right")])
+@pytest.mark.parametrize(
+    ("method", "verdict"),
+    [pytest.param(explicit, "wrong", marks=pytest.mark.slow), (semi_implicit, "right")],
+)
 def test_another_method_of_the_order_that_is_claimed_is_told_apart(
     known, tmp_path, method, verdict
 ):
@@ -157,7 +167,7 @@ def test_another_method_of_the_order_that_is_claimed_is_told_apart(
 
 @pytest.mark.slow
 def test_a_treatment_of_damping_that_is_right_in_the_limit_is_no_mistake(tmp_path):
-    damped = reference(Rope(**SPRINGS, damping=0.003).problem(FRAMES))
+    damped = rope_reference(Rope(**SPRINGS, damping=0.003).problem(FRAMES))
     program = Program(damped.problem, damping=0.0, exact_damping=True)
     (diagnosis,) = grade(program.files(tmp_path), damped, expected_order=2).diagnosis
     assert diagnosis.cause not in ("parameters", "step-size", "damping-per-step")
@@ -166,20 +176,22 @@ def test_a_treatment_of_damping_that_is_right_in_the_limit_is_no_mistake(tmp_pat
 @pytest.mark.slow
 def test_a_damping_that_is_missing_is_no_tiny_one(tmp_path):
     """What is left of it in the numbers is rounding."""
-    damped = reference(Rope(**SPRINGS, damping=0.01).problem(FRAMES))
+    damped = rope_reference(Rope(**SPRINGS, damping=0.01).problem(FRAMES))
     files = Program(damped.problem, damping=0.0).files(tmp_path, (64, 128, 256))
     (diagnosis,) = grade(files, damped, expected_order=2).diagnosis
     assert "the damping is left out" in diagnosis.line
 
 
-def test_lengths_in_single_precision_refute_nothing(tmp_path):
-    long = reference(Rope(num_nodes=5, end=(-8e4, 150.0), stiffness=90.0).problem(FRAMES))
+# The errors of the second three grow as dt falls.
+@pytest.mark.parametrize(
+    "steps", [pytest.param((32, 64, 128), marks=pytest.mark.slow), (64, 96, 128)]
+)
+def test_lengths_in_single_precision_refute_nothing(tmp_path, steps):
+    long = rope_reference(Rope(num_nodes=5, end=(-8e4, 150.0), stiffness=90.0).problem(FRAMES))
     program = Program(long.problem, method=midpoint, single_length=True)
-    # The errors of the second three grow as dt falls.
-    for steps in ((32, 64, 128), (64, 96, 128)):
-        report = grade(program.files(tmp_path, steps), long, expected_order=2)
-        assert report.verdict != "wrong"
-        assert "single precision" in finding(report).line
+    report = grade(program.files(tmp_path, steps), long, expected_order=2)
+    assert report.verdict != "wrong"
+    assert "single precision" in finding(report).line
 
 
 @pytest.mark.parametrize("digits", ["%.6g", pytest.param("%.7g", marks=pytest.mark.slow)])
@@ -202,13 +214,8 @@ OTHER_TERMS = {
 }
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        pytest.param(words, marks=[] if "drag_per_spring" in change else pytest.mark.slow)
-        for words, change in OTHER_TERMS.items()
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("words", OTHER_TERMS)
 def test_terms_of_a_method_that_is_not_known_are_named(known, tmp_path, words):
     """Its runs tend to a limit, to which the terms are fitted."""
     program = Program(known["moving"].problem, method=kutta3, **OTHER_TERMS[words])

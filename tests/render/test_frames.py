@@ -11,18 +11,19 @@ import pandas as pd
 import pytest
 from scipy.integrate import solve_ivp
 
-from ropeode import Rope, reference
+from ropeode import Rope
 from ropeode.analysis import error_series
 from ropeode.errors import InputError
 from ropeode.render import EXPORTS, write_export
 from ropeode.simulation import simulate
+from tests.exact_reference import rope_reference
 
 PAGE = Path(__file__).parents[2] / "docs/howto/notebooks.md"
 
 
 @pytest.fixture(scope="module")
 def truth(small_rope):
-    return reference(small_rope)
+    return rope_reference(small_rope)
 
 
 @pytest.fixture(scope="module")

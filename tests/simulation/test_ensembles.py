@@ -73,9 +73,8 @@ ALIKE = ("implicit-midpoint", "trapezium", "bdf2", "adams-pece2")
 
 def pair(stepper, kind):
     """Each stepper once is fast: on rigid links those that keep them, on springs the others."""
-    rigid = stepper.keeps_lengths or (stepper.label, kind) == DENSE
     telling = stepper.label in REPRESENTATIVES and stepper.label not in ALIKE
-    fast = telling and rigid == (kind is InextensibleRope)
+    fast = telling and stepper.keeps_lengths == (kind is InextensibleRope)
     name = f"{stepper.label}-{kind.__name__}"
     return pytest.param(stepper, kind, id=name, marks=[] if fast else [SLOW])
 

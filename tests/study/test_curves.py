@@ -11,12 +11,13 @@ from ropeode.analysis import error_series
 from ropeode.norms import distance
 from ropeode.simulation import simulate
 from ropeode.study import energy_curves, error_curves, parts_of
+from tests.exact_reference import rope_reference
 from tests.quartic import quartic
 
 
 @pytest.mark.parametrize("norm", [None, "velocity-rms"])
 def test_errors_are_those_of_error_series_and_their_largest_is_in_the_table(small_rope, norm):
-    known, asked = reference(small_rope), (["rk4", "explicit-euler"], [8, 16])
+    known, asked = rope_reference(small_rope), (["rk4", "explicit-euler"], [8, 16])
     curves = error_curves(known, *asked, norm=norm)
     assert np.array_equal(curves.times, known.times[1:])
     assert np.array_equal(10 * curves.bound, curves.resolution)
