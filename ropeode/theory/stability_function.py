@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -13,12 +12,9 @@ from ropeode.problems import Problem
 from ropeode.simulation import Method, method_of
 from ropeode.theory.linear_method import FIRST_ORDER, OSCILLATOR, LinearEquation, LinearMethod
 
-# Points on circles about zero: small ones for the leading term, a larger one for polynomials, whose
-# degree stays below a quarter of the number of points.
-_POINTS, _CIRCLES, _LARGE = 128, (0.5, 0.25, 0.0625), 4.0
+# Points on circles about zero, whose terms are zero from a quarter of this number on.
+_POINTS, _CIRCLES = 128, (0.5, 0.25, 0.0625)
 _ROUNDING = 1e-12
-# Where a polynomial must agree with the step itself: along rays, near and far.
-_FAR = np.multiply.outer((1.0, 12.0, 150.0), np.exp(1j * np.array([0.3, 1.2, 2.0, 2.9]))).ravel()
 # Modes without any symmetry. An implicit step far away is one too.
 _GENERIC = np.array([0.3 + 0.4j, -0.7 + 0.5j, -0.2 - 0.9j])
 _TOLERANCE = 1e-8
@@ -65,7 +61,6 @@ class StabilityFunction:
         stepper: its name with options.
         equation: on which it was judged.
         damped: whether it takes an oscillator with damping; without, z is imaginary.
-        polynomial: the coefficients of R(z) from ``z**0`` on, if it is a polynomial in z.
         amplification: the leading term in y of ``ln |R(iy)|``, which is the growth in a step
             of an oscillation that should keep its size; None if it keeps it to rounding.
     """
@@ -73,7 +68,6 @@ class StabilityFunction:
     stepper: str
     equation: Literal["y' = lambda y", "x'' = -omega^2 x - 2 gamma x'"]
     damped: bool
-    polynomial: tuple[float, ...] | None
     amplification: LeadingTerm | None
     _method: LinearMethod = dataclasses.field(repr=False, compare=False)
 
@@ -93,18 +87,15 @@ class StabilityFunction:
         z = np.asarray(z, dtype=complex)
         # As R of the conjugate is the conjugate of R.
         flat = np.where(z.imag < 0, z.conj(), z).ravel()
-        if self.polynomial is not None:
-            with np.errstate(all="ignore"):
-                return _whole(np.abs(_value(self.polynomial, flat)), z.shape)
         partner = flat.conj() if other is None else np.asarray(other, dtype=complex).ravel()
         matrices = self._method.matrices(self._method.equation.modes(flat, partner))
-        return _whole(np.max(np.abs(_eigenvalues(matrices)), axis=1), z.shape)
+        found = np.max(np.abs(_eigenvalues(matrices)), axis=1)
+        return np.where(np.isfinite(found), found, np.inf).reshape(z.shape)
 
     @property
     def is_quick(self) -> bool:
         """Whether thousands of values cost little; not those of a step in Python."""
-        own = self._method
-        return self.polynomial is not None or own.is_compiled
+        return self._method.is_compiled
 
 
 @in_float64
@@ -153,7 +144,6 @@ def _on(equation: LinearEquation, method: Method) -> StabilityFunction | str:
         stepper=method.stepper.label,
         equation=name,
         damped=damped,
-        polynomial=_polynomial(found) if found.is_one_step and equation is FIRST_ORDER else None,
         amplification=_amplification(found),
         _method=found,
     )
@@ -235,33 +225,6 @@ def _principal(method: LinearMethod, z: np.ndarray) -> np.ndarray:
     eigenvalues = _eigenvalues(method.matrices(method.equation.modes(z, -z)))
     nearest = np.argmin(np.abs(eigenvalues - np.exp(z)[:, None]), axis=1)
     return eigenvalues[np.arange(len(z)), nearest]
-
-
-def _polynomial(method: LinearMethod) -> tuple[float, ...] | None:
-    """The coefficients of R, if it is a polynomial: those of its values on a circle."""
-    circle = _LARGE * np.exp(2j * np.pi * np.arange(_POINTS) / _POINTS)
-    values = _principal(method, circle)
-    if not np.all(np.isfinite(values)):
-        return None
-    terms = np.fft.fft(values).real / _POINTS
-    clear = np.flatnonzero(np.abs(terms) > _ROUNDING * np.max(np.abs(values)))
-    degree = int(clear[-1]) if clear.size else 0
-    if degree >= _POINTS // 4:
-        return None
-    found = terms[: degree + 1] / _LARGE ** np.arange(degree + 1)
-    found[np.abs(terms[: degree + 1]) <= _ROUNDING * np.max(np.abs(values))] = 0.0
-    expected = _principal(method, _FAR)
-    size = _value(np.abs(found), np.abs(_FAR))
-    same = np.abs(_value(found, _FAR) - expected) <= _TOLERANCE * size
-    return tuple(found.tolist()) if np.all(same) else None
-
-
-def _value(polynomial: Sequence[float] | np.ndarray, z: np.ndarray) -> np.ndarray:
-    return np.polynomial.polynomial.polyval(z, np.asarray(polynomial))
-
-
-def _whole(values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    return np.where(np.isfinite(values), values, np.inf).reshape(shape)
 
 
 def _eigenvalues(matrices: np.ndarray) -> np.ndarray:

@@ -77,7 +77,6 @@ def test_methods_have_their_limits(problem, step, imaginary, real):
 
 def test_an_implicit_step_is_stable_as_far_as_was_looked():
     function = stability_function_of(FIRST, "implicit-euler")
-    assert function.polynomial is None
     z = np.array([1j, -3.0, 2.0 + 0.5j, -700 + 20j])
     np.testing.assert_allclose(function.radius(z), 1 / np.abs(1 - z), rtol=1e-12)
     limits = stability_limits_of(function, farthest=50.0)
@@ -123,7 +122,6 @@ def test_a_region_shows_its_boundary():
     region = stability_region(function, stability_limits_of(function))
     z = region.real + 1j * region.imaginary[:, None]
     coefficients = [1, 1, 1 / 2, 1 / 6, 1 / 24]
-    assert function.polynomial == pytest.approx(coefficients, abs=1e-14)
     expected = np.abs(np.polynomial.Polynomial(coefficients)(z))
     np.testing.assert_allclose(region.radius, expected, rtol=1e-12)
     assert region.real[0] < -2.8 < 2.9 < region.imaginary[-1]

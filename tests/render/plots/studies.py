@@ -14,7 +14,7 @@ from ropeode import study
 from ropeode.norms import NORMS
 from ropeode.problems import Problem
 from ropeode.sweep import COLUMNS
-from ropeode.theory import Spectrum, StabilityFunction, stability_region
+from ropeode.theory import Spectrum, stability_function_of, stability_region
 from tests.quartic import quartic
 from tests.render.made_up import MADE_UP, made, problem, reference, table_of
 
@@ -60,7 +60,7 @@ def errors_in_one_panel() -> study.ErrorCurves:
 def stability() -> study.Explanation:
     """Explicit Euler on modes of which two decay and two grow, one of them far out."""
     found = MADE_UP["explain"]()
-    function = StabilityFunction(*("explicit-euler", "y' = lambda y", True, (1.0, 1.0), None, None))
+    function = stability_function_of(problem(), "explicit-euler")
     modes = np.array([[-0.1 + 1j, -0.1 - 1j, 0.5, 100.0]])
     along = Spectrum(np.zeros(1), modes, np.full(1, 1e-9))
     linear = dataclasses.replace(found.stability, function=function, along=along)
