@@ -11,7 +11,7 @@ import jax
 import numpy as np
 
 from ropeode import reference
-from ropeode.analysis import ErrorSeries, distances, frequencies, hanging_equilibrium, resolution
+from ropeode.analysis import ErrorSeries, distances, hanging_equilibrium, normal_modes, resolution
 from ropeode.errors import ReferenceRefused
 from ropeode.norms import Norm
 from ropeode.precision import in_float64
@@ -361,7 +361,7 @@ def damping_rates(
         problem: an undamped rope; by default one of 16 nodes.
     """
     problem = rope_of(*_HELD) if problem is None else problem
-    omega = float(frequencies(problem, hanging_equilibrium(problem))[0])
+    omega = float(normal_modes(problem, hanging_equilibrium(problem)).frequencies[0])
     rows = []
     for method in methods:
         for steps in steps_per_frame:

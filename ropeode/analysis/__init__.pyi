@@ -1,4 +1,3 @@
-from .equilibrium import frequencies as frequencies
 from .equilibrium import hanging_equilibrium as hanging_equilibrium
 from .equilibrium import normal_modes as normal_modes
 from .errors import RESOLUTION_FACTOR as RESOLUTION_FACTOR

@@ -96,28 +96,6 @@ def _equilibrium(problem: Problem) -> np.ndarray:
     )
 
 
-@in_float64
-def frequencies(problem: Problem, y: np.ndarray) -> np.ndarray:
-    """The frequencies of small undamped oscillations about an equilibrium.
-
-    They are the square roots of the eigenvalues of ``-da/dx`` at zero velocity, over the
-    motions that pins and constraints allow. As `a` is force over mass, these are the normal
-    modes of unequal masses too (H. Goldstein, Classical Mechanics, 2nd ed., section 6-2).
-
-    Arguments:
-        problem: a mechanical problem.
-        y: the equilibrium, as from `hanging_equilibrium`.
-
-    Returns:
-        Radians per time unit, sorted, one for each motion that is possible.
-
-    Raises:
-        InputError: the problem is not mechanical, or the state is not stable.
-    """
-    at, free = _stable(problem, y)
-    return np.sqrt(np.maximum(np.sort(at.modes(free)), 0.0))
-
-
 class NormalModes(NamedTuple):
     """The small undamped oscillations about an equilibrium, the slowest first.
 
@@ -133,24 +111,21 @@ class NormalModes(NamedTuple):
 
 @in_float64
 def normal_modes(problem: Problem, y: np.ndarray) -> NormalModes:
-    """The modes whose frequencies are those of `frequencies`; arguments and exceptions likewise.
+    """The small undamped oscillations about an equilibrium.
 
-    The coordinates in which they do not act on each other are the left eigenvectors of
-    ``-da/dx``, scaled by the right ones.
+    Their frequencies are the square roots of the eigenvalues of ``-da/dx`` at zero velocity, over
+    the motions that pins and constraints allow. As `a` is force over mass, these are the normal
+    modes of unequal masses too (H. Goldstein, Classical Mechanics, 2nd ed., section 6-2). The
+    coordinates in which they do not act on each other are the left eigenvectors of ``-da/dx``,
+    scaled by the right ones.
+
+    Arguments:
+        problem: a mechanical problem.
+        y: the equilibrium, as from `hanging_equilibrium`.
+
+    Raises:
+        InputError: the problem is not mechanical, or the state is not stable.
     """
-    at, free = _stable(problem, y)
-    allowed = at.allowed(free)
-    values, shapes = np.linalg.eig(allowed.T @ at.stiffness(free) @ allowed)
-    order = np.argsort(np.real(values))
-    values, shapes = np.real(values)[order], np.real(shapes)[:, order]
-    largest = np.max(np.abs(allowed @ shapes), axis=0)
-    weights = np.zeros((len(values), *at.free.shape))
-    weights[:, at.free] = np.linalg.inv(shapes / largest) @ allowed.T
-    return NormalModes(np.sqrt(np.maximum(values, 0.0)), weights)
-
-
-def _stable(problem: Problem, y: np.ndarray) -> tuple[_Still, np.ndarray]:
-    """The problem at rest, and the free coordinates of a state that is a stable equilibrium."""
     problem.require_mechanics("problem")
     at = _Still(problem)
     free = np.asarray(y)[0][at.free]
@@ -161,7 +136,14 @@ def _stable(problem: Problem, y: np.ndarray) -> tuple[_Still, np.ndarray]:
             "a stable equilibrium (this one has a mode that moves away from it)",
             "take it from hanging_equilibrium(problem)",
         )
-    return at, free
+    allowed = at.allowed(free)
+    values, shapes = np.linalg.eig(allowed.T @ at.stiffness(free) @ allowed)
+    order = np.argsort(np.real(values))
+    values, shapes = np.real(values)[order], np.real(shapes)[:, order]
+    largest = np.max(np.abs(allowed @ shapes), axis=0)
+    weights = np.zeros((len(values), *at.free.shape))
+    weights[:, at.free] = np.linalg.pinv(shapes / largest) @ allowed.T
+    return NormalModes(np.sqrt(np.maximum(values, 0.0)), weights)
 
 
 class _Still:

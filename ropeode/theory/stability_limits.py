@@ -154,8 +154,7 @@ def stability_region(
     Arguments:
         function: of the stepper.
         limits: its own, which say how large the rectangle has to be.
-        points: along each side; a step in Python that has no stability polynomial is asked at
-            fewer, 32 at most.
+        points: along each side; a step in Python is asked at fewer, 32 at most.
         reach: a distance from zero that the rectangle has to cover, to the left and up.
 
     Returns:

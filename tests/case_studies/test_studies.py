@@ -17,7 +17,7 @@ from docs.studies.small_steps import (
     tip_errors,
 )
 from ropeode import Rope, hanging_equilibrium, simulate
-from ropeode.analysis import frequencies
+from ropeode.analysis import normal_modes
 from ropeode.errors import InputError
 from ropeode.theory import stability_function_of
 from tests.exact_reference import rope_reference
@@ -119,7 +119,7 @@ def test_damping_is_that_of_theory_and_of_runs():
     """For a pendulum of one spring XPBD damps as implicit Euler does; Verlet does not damp."""
     pendulum = Rope(end=(-3.0, 200.0), num_nodes=2, node_mass=1.7, stiffness=40.0, damping=0.0)
     problem = pendulum.problem(1)
-    omega = frequencies(problem, hanging_equilibrium(problem))[0]
+    omega = normal_modes(problem, hanging_equilibrium(problem)).frequencies[0]
     methods = ["implicit-euler", "xpbd", "velocity-verlet"]
     rows = damping_rates(methods, (6, 20), problem)
     assert [(row.method, row.steps) for row in rows] == [(m, n) for m in methods for n in (6, 20)]

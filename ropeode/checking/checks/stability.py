@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ropeode.analysis import frequencies
+from ropeode.analysis import normal_modes
 from ropeode.checking.check_context import Examination
 from ropeode.checking.check_ropes import hanging
 from ropeode.checking.report import Finding
@@ -35,7 +35,7 @@ def stability(examination: Examination) -> Finding:
     which modes grow (von Neumann's criterion); omega is the rope's largest frequency.
     """
     problem = hanging()
-    omega = float(frequencies(problem, problem.y0)[-1])
+    omega = float(normal_modes(problem, problem.y0).frequencies[-1])
     step = LinearisedStep(problem, examination.method, problem.y0)
     if not step.settles:
         line = "not measured: the stepper has not settled after 16 steps, and each is another one"
