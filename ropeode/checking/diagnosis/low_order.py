@@ -152,18 +152,10 @@ def _compiled_terms(acceleration: Acceleration) -> Callable:
         a, still = acceleration(t, x, v, args), acceleration(t, x, 0.0 * v, args)
         by_time = jax.jvp(lambda t: acceleration(t, x, v, args), (t,), (1.0,))[1]
         by_velocity = jax.jvp(lambda v: acceleration(t, x, v, args), (v,), (a,))[1]
-        # What each node's motion changes: (node, dim, moving node).
-        jacobian = jax.jacfwd(lambda x: acceleration(t, x, v, args))(x)
-        by_node = jnp.einsum("idjk,jk->idj", jacobian, v)
-        order = jnp.arange(len(x))
-        before, own, behind = (
-            jnp.sum(by_node * which[:, None, :], axis=2)
-            for which in (
-                order[:, None] > order,
-                order[:, None] == order,
-                order[:, None] < order,
-            )
-        )
+        # What moves: the nodes before each node in the row, itself, and those behind it.
+        row, jacobian = jnp.ones((len(x), len(x))), jax.jacfwd(acceleration, 1)(t, x, v, args)
+        moving = jnp.stack([jnp.tril(row, -1), jnp.eye(len(x)), jnp.triu(row, 1)])
+        before, own, behind = jnp.einsum("idjk,jk,mij->mid", jacobian, v, moving)
         return jnp.stack([still, a - still]), jnp.stack([by_time, own, before, behind, by_velocity])
 
     return jax.jit(jax.vmap(terms, in_axes=(0, 0, 0, None)))
