@@ -12,13 +12,14 @@ from ropeode.checking.diagnosis.programs import (
     Changed,
     Program,
     Runs,
-    Unforced,
+    Wrong,
     programs_of,
     unforced_nodes,
 )
 from ropeode.checking.diagnosis.rope_forces import has_rope_forces
 from ropeode.checking.report import Diagnosis
 from ropeode.checking.simple_numbers import shortest
+from ropeode.checking.trajectories.known_methods import of_the_motion
 from ropeode.problems import Problem
 from ropeode.study import problem_class
 from ropeode.theory.terms import FACTORS, TERMS, by_power, known_mistakes, said
@@ -66,18 +67,21 @@ def diagnose_program(
         The cause `method` if nothing is wrong in the program; None if no program that is known
         computes the positions.
     """
-    programs = programs_of(problem, runs, truth, changes)
+    still, drifting = unforced = unforced_nodes(problem, runs, truth)
+    fixed = _fixed(still, drifting)
+    programs = programs_of(problem, runs, unforced, changes)
     if not programs:
-        unforced = unforced_nodes(problem, runs, truth)
-        nodes = (*unforced.still, *unforced.drifting)
-        return Diagnosis(*_fixed(unforced)[:2], {"nodes": nodes}, _PINS) if nodes else None
+        if fixed is None:
+            return None
+        return Diagnosis(fixed.cause, fixed.words, {"nodes": still + drifting}, fixed.remedy)
+    if fixed is not None:
+        programs = [each._replace(wrong=(fixed, *each.wrong)) for each in programs]
     program, *others = programs
     if _terms(program) == ["damping"]:
         # Any damping can be said as a further one.
         others = [each for each in others if _terms(each) != ["further"]]
-    misfit = f"to {program.misfit:.1g} of the motion" if program.misfit else "exactly"
-    same = f"{misfit}, over the first {program.frames} frames"
-    if program.alike:
+    same = f"{of_the_motion(program.misfit)}, over the first {program.frames} frames"
+    if program.alike and program.is_right:
         evidence = {"methods": [*program.alike], "misfit": program.misfit}
         words = (
             f"the positions are those of {listed(program.alike)}, which are the same here, {same}"
@@ -139,16 +143,13 @@ def _order(order: int | str) -> str:
     return "it does not converge" if order == 0 else f"its order is {order}"
 
 
-_PINS = "let the loop over the nodes run from the first to the last"
-
-
-def _fixed(unforced: Unforced) -> tuple[str, str, str]:
-    """The cause, the words and the remedy of nodes without forces."""
+def _fixed(still: list[int], drifting: list[int]) -> Wrong | None:
+    """What is wrong where nodes have no forces."""
     words = []
     for nodes, one, several in (
-        (unforced.still, "never moves, though it is", "never move, though they are"),
+        (still, "never moves, though it is", "never move, though they are"),
         (
-            unforced.drifting,
+            drifting,
             "moves on with its initial velocity, though it is",
             "move on with their initial velocities, though they are",
         ),
@@ -156,43 +157,25 @@ def _fixed(unforced: Unforced) -> tuple[str, str, str]:
         if nodes:
             does = one if len(nodes) == 1 else several
             words.append(f"{numbered('node', nodes)} {does} not pinned")
-    return "fixed-node", " and ".join(words), _PINS
+    remedy = "let the loop over the nodes run from the first to the last"
+    return Wrong("fixed-node", " and ".join(words), remedy) if words else None
 
 
-def _said(program: Program, problem: Problem) -> tuple[str, str, str]:
-    """The cause, the words for it, and the remedy; the first cause counts where there are more."""
-    mistakes = []
-    if any(program.unforced):
-        mistakes.append(_fixed(program.unforced))
-    if program.forgets_velocity:
-        words = (
-            "the initial velocity is forgotten: the first step begins with the last position at "
-            "the first one"
-        )
-        mistakes.append(("start", words, "last = x - dt * v + dt * dt / 2 * a"))
-    if program.extra:
-        dt, frame = next(iter(program.extra.items()))
-        words = (
-            f"at dt = {dt:.4g} there is a step too many in frame {frame}: rounded steps are added "
-            "up to a time that is still below the end of the frame"
-        )
-        remedy = "count the steps: for (i = 0; i < steps_per_frame; i++)"
-        mistakes.append(("extra-step", words, remedy))
-    if program.single:
-        words = "a part of the force, such as the length of a spring, is in single precision"
-        mistakes.append(("float32", words, "compute in double precision throughout"))
+def _said(program: Program, problem: Problem) -> Wrong:
+    """All that is wrong with a program; the first cause counts where there are more."""
+    mistakes = [*program.wrong]
     for known in program.mistakes:
         term = TERMS[known.kind]
-        mistakes.append(("parameters", f"{term.name} {known.words}", term.remedy))
+        mistakes.append(Wrong("parameters", f"{term.name} {known.words}", term.remedy))
     mistakes += [_changed(each, problem) for each in program.changes]
     causes, words, remedies = zip(*mistakes, strict=True)
     # The line about what reproduces the positions names its slip.
     slip = program.method.remedy if program.method in MISTAKEN else ""
-    return causes[0], "; and ".join(words), "; ".join(filter(None, (*remedies, slip)))
+    return Wrong(causes[0], "; and ".join(words), "; ".join(filter(None, (*remedies, slip))))
 
 
-def _changed(change: Changed, problem: Problem) -> tuple[str, str, str]:
-    """The same of terms with another number."""
+def _changed(change: Changed, problem: Problem) -> Wrong:
+    """What is wrong where terms have another value."""
     values, exponent, name = np.array([*change.found.values()]), change.power, change.terms[0]
     value, term = float(values[0]), TERMS[name]
     if exponent == 0.0:
@@ -200,18 +183,19 @@ def _changed(change: Changed, problem: Problem) -> tuple[str, str, str]:
         value = shortest(value, max(float(np.ptp(values)), _PRECISION * size))
         if change.terms in _MISTAKES:
             cause, words, remedy = _MISTAKES[change.terms]
-            return cause, words.format(f"{value:g}"), remedy
-        return "parameters", wrong_term(problem, name, value), term.remedy
+            return Wrong(cause, words.format(f"{value:g}"), remedy)
+        return Wrong("parameters", wrong_term(problem, name, value), term.remedy)
     assert exponent is not None
     if name in KEPT:
         rate, what = (1.0 - value) / next(iter(change.found)), "rate"
         if has_rope_forces(problem):
             rate, what = rate * float(np.mean(problem.args.mass)), "coefficient"
         words = f"there is a further damping, of {what} {rate:.4g}"
-        return "parameters", words, TERMS["further"].remedy
+        return Wrong("parameters", words, TERMS["further"].remedy)
     if exponent < 0.0 and "damping" in term.name:
-        return "damping-per-step", _PER_STEP.format(f"{term.name} acts once per step"), _SCALE
-    return "step-size", by_power(name, exponent), term.remedy
+        words = _PER_STEP.format(f"{term.name} acts once per step")
+        return Wrong("damping-per-step", words, _SCALE)
+    return Wrong("step-size", by_power(name, exponent), term.remedy)
 
 
 def wrong_term(problem: Problem, name: str, value: float, spread: float = _PRECISION) -> str:

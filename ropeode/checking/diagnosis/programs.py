@@ -9,6 +9,8 @@ computed as they are.
 
 from __future__ import annotations
 
+import copy
+import functools
 import itertools
 import math
 from collections.abc import Callable, Sequence
@@ -114,16 +116,31 @@ _IN_PAIRS = (
 _RIGHT = Guess()
 
 
-class Unforced(NamedTuple):
-    """Nodes that no force moves, though it should.
+class Wrong(NamedTuple):
+    """What is wrong with a program, in words.
 
     Fields:
-        still: those that never move.
-        drifting: those that move on with their initial velocity.
+        cause: of a diagnosis.
+        words: a sentence.
+        remedy: how to mend it.
     """
 
-    still: tuple[int, ...]
-    drifting: tuple[int, ...]
+    cause: str
+    words: str
+    remedy: str
+
+
+_FORGETS = Wrong(
+    "start",
+    "the initial velocity is forgotten: the first step begins with the last position at the first "
+    "one",
+    "last = x - dt * v + dt * dt / 2 * a",
+)
+_SINGLE = Wrong(
+    "float32",
+    "a part of the force, such as the length of a spring, is in single precision",
+    "compute in double precision throughout",
+)
 
 
 class Changed(NamedTuple):
@@ -169,11 +186,8 @@ class Program(NamedTuple):
         misfit: the largest difference of positions, as a part of the motion.
         frames: in which they agree.
         changes: of its terms; none if it is right.
-        unforced: the nodes that no force moves, though it should.
-        forgets_velocity: whether it begins at rest, and should not.
-        extra: the first frame in which it makes a step too many, by step size.
-        single: whether lengths in single precision explain the difference.
         mistakes: known ones, in place of changes by a number.
+        wrong: whatever else is wrong in it.
         alike: the methods that compute the same here, if they have different orders: then nothing
             is known of the method.
     """
@@ -182,18 +196,14 @@ class Program(NamedTuple):
     misfit: float
     frames: int
     changes: tuple[Changed, ...] = ()
-    unforced: Unforced = Unforced((), ())
-    forgets_velocity: bool = False
-    extra: dict[float, int] = {}  # noqa: RUF012  (nobody changes it)
-    single: bool = False
     mistakes: tuple[KnownMistake, ...] = ()
+    wrong: tuple[Wrong, ...] = ()
     alike: tuple[str, ...] = ()
 
     @property
     def is_right(self) -> bool:
         """Whether nothing in it is wrong."""
-        wrong = any(self.unforced) or self.forgets_velocity or self.extra or self.single
-        return not (self.changes or self.mistakes or wrong)
+        return not (self.changes or self.mistakes or self.wrong)
 
     @property
     def power(self) -> float | None:
@@ -217,6 +227,8 @@ class _Run:
         finite = np.all(np.isfinite(states[: frames + 1, 0]), axis=(1, 2))
         self.frames = max(0, int(np.argmin([*finite, False])) - 1)
         self._ts = problem.ts[: self.frames + 1]
+        # How many steps make each frame.
+        self.counts = np.rint(np.diff(self._ts) / dt).astype(int)
         self.positions = states[: self.frames + 1, 0]
         motion = float(np.max(np.abs(self.positions - self.positions[:1]), initial=0.0))
         self._motion = motion or math.nan
@@ -227,24 +239,21 @@ class _Run:
     @property
     def usable(self) -> bool:
         """Whether whole steps end at the samples, not too many, and the numbers tell enough."""
-        counts = self.by_number()
-        whole = np.all(np.abs(np.diff(self._ts) / self.dt - counts) < _ALIKE)
-        few = np.sum(counts) <= _MOST_STEPS
+        whole = np.all(np.abs(np.diff(self._ts) / self.dt - self.counts) < _ALIKE)
+        few = np.sum(self.counts) <= _MOST_STEPS
         precise = self.same <= _LARGEST
         return bool(self.frames >= 1 and whole and few and precise and self._motion > 0.0)
 
-    def by_number(self) -> np.ndarray:
-        """How many steps make each frame, where they are counted."""
-        return np.rint(np.diff(self._ts) / self.dt).astype(int)
-
-    def added_up(self) -> np.ndarray:
-        """How many steps make each frame while ``t < end``, where rounded steps are added to t."""
+    def while_before_the_end(self) -> _Run:
+        """The run of a program that makes steps while ``t < end``, and adds them up to t."""
         counts, t = [], float(self._ts[0])
         for end in self._ts[1:]:
             counts.append(0)
             while t < end:
                 t, counts[-1] = t + self.dt, counts[-1] + 1
-        return np.array(counts)
+        other = copy.copy(self)
+        other.counts = np.array(counts)
+        return other
 
     def misfits(self, motion: np.ndarray) -> np.ndarray:
         """Differences from the positions, as parts of how far these move, ``(copies, numbers)``.
@@ -258,7 +267,7 @@ class _Run:
     def from_right(self, method: Method) -> np.ndarray:
         """The misfits of the right program of a method."""
         if method not in self._right:
-            motion = self.motion(method, right_terms(1), self.by_number())
+            motion = self.motion(method, right_terms(1))
             self._right[method] = self.misfits(motion)
         return self._right[method]
 
@@ -266,7 +275,7 @@ class _Run:
         self,
         method: Method,
         terms: Terms,
-        counts: np.ndarray,
+        samples: int | None = None,
         *,
         single: bool = False,
         shaken: float = 0.0,
@@ -276,7 +285,7 @@ class _Run:
         Arguments:
             method: of the program.
             terms: of each copy.
-            counts: how many steps make each frame that is computed.
+            samples: how many of them, beside the first; None for all.
             single: whether lengths are rounded to single precision.
             shaken: by which part of their size the initial positions are off.
         """
@@ -286,8 +295,8 @@ class _Run:
         kept = (terms["kept"] * terms["kept_first"])[:, None, None]
         v = method.start(lambda x, v: forces_of(problem, terms)(x, kept * v), x, v, dt)
         kept_last = terms["kept_last"][:, None, None]
-        forces, last, samples = forces_of(problem, terms, single=single), x - dt * v, []
-        for count in counts:
+        forces, last, places = forces_of(problem, terms, single=single), x - dt * v, []
+        for count in self.counts[:samples]:
             for _ in range(count):
                 if method.restores == "before":
                     x = _restored(x, problem.args)
@@ -298,31 +307,29 @@ class _Run:
                 v = kept_last * v
                 if method.restores == "after":
                     x = _restored(x, problem.args)
-            samples.append(x)
-        return np.stack(samples, axis=1)
+            places.append(x)
+        return np.stack(places, axis=1)
 
-    def fitting(self, method: Method, counts: np.ndarray) -> Fitting:
+    def fitting(self, method: Method) -> Fitting:
         """Changes terms so that a program computes the positions."""
         uncertainty = np.full(self.positions.shape, self.same * self._motion)
         return Fitting(
-            lambda terms, samples: self.motion(method, terms, counts[:samples]),
+            functools.partial(self.motion, method),
             self.positions,
             uncertainty,
         )
 
-    def fitted(self, method: Method, guesses: Sequence[Guess], counts: np.ndarray) -> list[Guess]:
+    def fitted(self, method: Method, guesses: Sequence[Guess]) -> list[Guess]:
         """The guesses with the values that give the first frame, as far as any does."""
         starts = [guess for guess in guesses if guess.changes]
-        fits = self.fitting(method, counts).fits(starts, 1, _ITERATIONS)
+        fits = self.fitting(method).fits(starts, 1, _ITERATIONS)
         return [*(each for each in guesses if not each.changes), *(fit.guess for fit in fits)]
 
-    def agreeing(
-        self, method: Method, guesses: Sequence[Guess], counts: np.ndarray
-    ) -> list[tuple[Guess, float]]:
+    def agreeing(self, method: Method, guesses: Sequence[Guess]) -> list[tuple[Guess, float]]:
         """Guesses that compute all frames, each with its misfit."""
         found = [(guess, 0.0) for guess in guesses]
         # The first frame excludes most.
-        for frames in (counts[:1], counts):
+        for frames in (1, None):
             if not found:
                 break
             guesses = [guess for guess, _ in found]
@@ -359,14 +366,14 @@ def _restored(x: np.ndarray, args: Any) -> np.ndarray:
 
 @in_float64
 def programs_of(
-    problem: Problem, runs: Runs, truth: np.ndarray, changes: int
+    problem: Problem, runs: Runs, unforced: tuple[list[int], list[int]], changes: int
 ) -> tuple[Program, ...]:
     """The programs that compute the positions of all runs in their first frames.
 
     Arguments:
         problem: whose forces depend on no time, such as a rope with springs or with rigid links.
         runs: step size and states of each; not-a-number from where it diverged.
-        truth: the right states, ``(times, *state)``.
+        unforced: the nodes that no force moves, as `unforced_nodes` has them.
         changes: 2 to look for two changes at once, of which one may be a slip in the method, where
             no program with at most 1 computes them; this takes longer.
 
@@ -379,23 +386,24 @@ def programs_of(
     if not (rope or is_autonomous(problem)):
         return ()
     kind = "rigid links" if has_rigid_links(problem) else "springs"
-    unforced = unforced_nodes(problem, runs, truth) if rope else Unforced((), ())
-    if any(unforced):
-        free, y0 = problem.args.free.copy(), problem.y0.copy()
-        free[[*unforced.still, *unforced.drifting]] = 0.0
-        y0[1][:, [*unforced.still]] = 0.0
+    if rope and any(unforced):
+        free, y0, (still, drifting) = problem.args.free.copy(), problem.y0.copy(), unforced
+        free[still + drifting] = 0.0
+        y0[1][:, still] = 0.0
         problem = problem.with_numbers(y0, problem.args._replace(free=free), problem.parameters)
     known = [_Run(problem, dt, states) for dt, states in runs]
     known = sorted((run for run in known if run.usable), key=lambda run: -run.dt)
-    in_all = np.cumsum([np.sum(run.by_number()) for run in known])
+    in_all = np.cumsum([np.sum(run.counts) for run in known])
     known = known[: max(int(np.sum(in_all <= _MOST_IN_ALL)), _FEWEST_RUNS)]
     precise = [run for run in known if run.same <= _SAME]
-    of_pairs = precise if precise and precise[0].by_number()[0] <= _MOST_STEPS_OF_PAIRS else []
+    of_pairs = precise if precise and precise[0].counts[0] <= _MOST_STEPS_OF_PAIRS else []
     if not (known if changes == 1 else of_pairs):
         return ()
     # A number is found in a frame, and another one shows that it is right.
     longer = [run for run in known if run.frames >= _FEWEST_FRAMES]
     longer = longer if len(longer) >= _FEWEST_RUNS else []
+    by_time = [run.while_before_the_end() for run in longer]
+    late = _steps_too_many(longer, by_time)
     right, changed = [_RIGHT], [_RIGHT]
     every = known_mistakes(problem.args) if rope else []
     single = [Guess(mistakes=(each,)) for each in every]
@@ -411,7 +419,7 @@ def programs_of(
     unlikely = "further" if rope and np.any(problem.args.damping) else "damping"
     in_pairs = [(name,) for name in _IN_PAIRS if name in own - {unlikely}]
     methods = METHODS[kind]
-    fine = known[0].by_number()[0] > _MOST_STEPS_OF_ITERATIONS
+    fine = known[0].counts[0] > _MOST_STEPS_OF_ITERATIONS
     with np.errstate(all="ignore"):  # Programs that blow up.
         close = _close(methods, known[0])
     quick = tuple(each for each in close if not each.iterates)
@@ -419,16 +427,16 @@ def programs_of(
     mistaken = MISTAKEN if kind == "springs" else ()
     searches: dict[int, Sequence[tuple[tuple[Method, ...], Callable[[Method], list[Program]]]]] = {
         1: (
-            (close, lambda method: _programs(method, right, longer, _Run.by_number)),
-            (methods, lambda method: _programs(method, right, longer, _Run.added_up)),
-            (mistaken, lambda method: _programs(method, right, known, _Run.by_number)),
-            (cheap, lambda method: _programs(method, mistakes, known, _Run.by_number)),
-            (cheap, lambda method: _programs(method, changed, longer, _Run.by_number)),
+            (close, lambda method: _programs(method, right, longer)),
+            (methods if late else (), lambda method: _programs(method, right, by_time, late)),
+            (mistaken, lambda method: _programs(method, right, known)),
+            (cheap, lambda method: _programs(method, mistakes, known)),
+            (cheap, lambda method: _programs(method, changed, longer)),
             (close if rope else (), lambda method: _in_single(method, longer)),
         ),
         2: (
-            (quick, lambda method: _programs(method, both, of_pairs, _Run.by_number)),
-            (mistaken, lambda method: _programs(method, single, of_pairs, _Run.by_number)),
+            (quick, lambda method: _programs(method, both, of_pairs)),
+            (mistaken, lambda method: _programs(method, single, of_pairs)),
             (quick, lambda method: _with_two_changes(method, in_pairs, longer)),
         ),
     }
@@ -444,7 +452,7 @@ def programs_of(
                 simple = [each for each in powers if each.power == 0.0] or powers[:1]
                 if simple[0].is_right:
                     simple = [_of_methods(simple, damped=problem_class(problem).damped)]
-                return tuple(_named(each, problem, unforced) for each in simple)
+                return tuple(_named(each, problem) for each in simple)
     return ()
 
 
@@ -464,7 +472,7 @@ def _of_methods(programs: Sequence[Program], *, damped: bool) -> Program:
     return programs[0]._replace(alike=tuple(each.name for each in methods) if several else ())
 
 
-def _named(program: Program, problem: Problem, unforced: Unforced) -> Program:
+def _named(program: Program, problem: Problem) -> Program:
     """A program with what is known beside the runs."""
     method, moves = program.method, bool(np.any(problem.y0[1]))
     if method.step is semi_implicit_euler and not method.restores:
@@ -474,14 +482,23 @@ def _named(program: Program, problem: Problem, unforced: Unforced) -> Program:
         elif moves and method.start is as_given and program.is_right:
             name = "semi-implicit Euler (or Störmer-Verlet with x(-dt) = x(0) - dt * v(0))"
             method = method._replace(name=name, remedy=VERLET_START)
-    forgets = method.start is at_rest and moves
-    return program._replace(method=method, unforced=unforced, forgets_velocity=forgets)
+    forgets = (_FORGETS,) if method.start is at_rest and moves else ()
+    return program._replace(method=method, wrong=forgets + program.wrong)
 
 
-def unforced_nodes(problem: Problem, runs: Runs, truth: np.ndarray) -> Unforced:
-    """The nodes that forces move, and do so in no run; arguments as for `programs_of`."""
+def unforced_nodes(problem: Problem, runs: Runs, truth: np.ndarray) -> tuple[list[int], list[int]]:
+    """The nodes that forces move, and do so in no run.
+
+    Arguments:
+        problem: as for `programs_of`.
+        runs: likewise.
+        truth: the right states, ``(times, *state)``.
+
+    Returns:
+        Those that never move, and those that move on with their initial velocity.
+    """
     if problem.mechanics is None:
-        return Unforced((), ())
+        return [], []
     right, *places = (problem.positions(states) for states in (truth, *(each for _, each in runs)))
     way, found = np.max(np.abs(right - right[0])), []
     moving = problem.quantity(problem.quantities[1], problem.y0[None])[0]
@@ -496,14 +513,14 @@ def unforced_nodes(problem: Problem, runs: Runs, truth: np.ndarray) -> Unforced:
         left = np.max(np.abs(right - lines[: len(right)]), axis=(0, 2)) > off
         found.append(np.flatnonzero(left & np.all(np.array(apart) <= same, axis=0)).tolist())
     still, drifting = found
-    return Unforced((*still,), tuple(node for node in drifting if node not in still))
+    return still, [node for node in drifting if node not in still]
 
 
 def _programs(
     method: Method,
     guesses: Sequence[Guess],
     runs: Sequence[_Run],
-    clock: Callable[[_Run], np.ndarray],
+    wrong: tuple[Wrong, ...] = (),
 ) -> list[Program]:
     """The programs of a method that compute the runs.
 
@@ -511,19 +528,11 @@ def _programs(
         method: of them.
         guesses: what may be wrong in them.
         runs: from coarse to fine.
-        clock: how many steps they make in each frame of a run.
+        wrong: whatever else is wrong in them.
     """
     if not (guesses and runs):
         return []
-    counts = [clock(run) for run in runs]
-    extra = {
-        run.dt: int(np.argmax(each != run.by_number())) + 1
-        for run, each in zip(runs, counts, strict=True)
-        if np.any(each != run.by_number())
-    }
-    if clock is not _Run.by_number and not extra:
-        return []
-    first = runs[0].agreeing(method, runs[0].fitted(method, guesses, counts[0]), counts[0])
+    first = runs[0].agreeing(method, runs[0].fitted(method, guesses))
     # The first start from which a change is found is enough.
     different: dict[tuple, tuple[Guess, float]] = {}
     for guess, misfit in first:
@@ -531,19 +540,30 @@ def _programs(
         different.setdefault((guess.changes, *said), (guess, misfit))
     found = []
     for guess, misfit in different.values():
-        changes = _followed(method, guess, runs, counts)
+        changes = _followed(method, guess, runs)
         if changes is not None:
-            program = Program(method, misfit, runs[0].frames, changes, extra=extra)
-            found.append(program._replace(mistakes=guess.mistakes))
+            frames = runs[0].frames
+            found.append(Program(method, misfit, frames, changes, guess.mistakes, wrong))
     return found
 
 
-def _followed(
-    method: Method, guess: Guess, runs: Sequence[_Run], counts: Sequence[np.ndarray]
-) -> tuple[Changed, ...] | None:
+def _steps_too_many(runs: Sequence[_Run], by_time: Sequence[_Run]) -> tuple[Wrong, ...]:
+    """What is wrong in the first run that makes more steps while ``t < end``; nothing if none."""
+    for run, other in zip(runs, by_time, strict=True):
+        if np.any(more := other.counts != run.counts):
+            words = (
+                f"at dt = {run.dt:.4g} there is a step too many in frame {np.argmax(more) + 1}: "
+                "rounded steps are added up to a time that is still below the end of the frame"
+            )
+            remedy = "count the steps: for (i = 0; i < steps_per_frame; i++)"
+            return (Wrong("extra-step", words, remedy),)
+    return ()
+
+
+def _followed(method: Method, guess: Guess, runs: Sequence[_Run]) -> tuple[Changed, ...] | None:
     """The values of a guess at each step size; None if it does not compute all runs."""
     guesses = [guess]
-    for run, before, count in zip(runs[1:], runs, counts[1:], strict=False):
+    for run, before in zip(runs[1:], runs, strict=False):
         starts = [guesses[-1]]
         if len(guess.changes) == 1:
             (change,), (value,), ratio = guess.changes, guesses[-1].values, run.dt / before.dt
@@ -557,9 +577,9 @@ def _followed(
                 )
             ]
         # With all digits a value need not be found anew.
-        agreeing = run.agreeing(method, starts, count) if run.same <= _SAME else []
+        agreeing = run.agreeing(method, starts) if run.same <= _SAME else []
         if not agreeing and len(guess.changes) <= 1:
-            agreeing = run.agreeing(method, run.fitted(method, starts, count), count)
+            agreeing = run.agreeing(method, run.fitted(method, starts))
         if not agreeing:
             return None
         guesses.append(agreeing[0][0])
@@ -574,18 +594,16 @@ def _with_two_changes(
     method: Method, changes: Sequence[Change], runs: Sequence[_Run]
 ) -> list[Program]:
     """The programs of a method with two terms changed by the same numbers in all runs."""
-    short = [
-        run for run in runs if run.same <= _SAME and run.by_number()[0] <= _MOST_STEPS_OF_PAIRS
-    ]
+    short = [run for run in runs if run.same <= _SAME and run.counts[0] <= _MOST_STEPS_OF_PAIRS]
     if not short:
         return []
     apart = [np.max(np.abs(run.from_right(method))) for run in short]
     # Where the right program grows without bound, no step leads from it to another one.
     base = next(run for run, far in zip(short, apart, strict=True) if far <= _GROWN * min(apart))
     runs = [base, *(run for run in runs if run is not base)]
-    fitting = base.fitting(method, base.by_number())
+    fitting = base.fitting(method)
     (pairs,) = fitting.explaining(changes, (2,), _ITERATIONS)
-    return _programs(method, [fit.guess for fit in pairs], runs, _Run.by_number)
+    return _programs(method, [fit.guess for fit in pairs], runs)
 
 
 def _in_single(method: Method, runs: Sequence[_Run]) -> list[Program]:
@@ -598,7 +616,7 @@ def _in_single(method: Method, runs: Sequence[_Run]) -> list[Program]:
     left = []
     for run in runs:
         double = run.from_right(method)
-        single = run.misfits(run.motion(method, right_terms(1), run.by_number(), single=True))
+        single = run.misfits(run.motion(method, right_terms(1), single=True))
         left.append(float(np.max(np.abs(double))))
         rounding = float(np.max(np.abs(single - double)))
         # Without springs there are no lengths to round.
@@ -609,4 +627,4 @@ def _in_single(method: Method, runs: Sequence[_Run]) -> list[Program]:
     stays = ratio >= _APART and left[-1] >= left[0] / math.sqrt(ratio)
     if not stays or max(left) > _LARGEST:
         return []
-    return [Program(method, max(left), runs[0].frames, single=True)]
+    return [Program(method, max(left), runs[0].frames, wrong=(_SINGLE,))]

@@ -38,8 +38,6 @@ _MOST_FRAMES, _FEWEST_FRAMES = 6, 3
 # A limit is at least as uncertain as this part of the motion, like the solutions that are compared
 # with it; and says something if it is at most as uncertain as that part.
 _FLOOR, _LARGEST_UNCERTAINTY = 1e-9, 3e-3
-# A motion this much smaller than the right one counts as a standstill.
-_STANDSTILL = 1e-2
 # How precise those solutions are, as a part of the limit's uncertainty and of the problem's size;
 # and the most steps in each frame.
 _PRECISION, _FINEST, _COARSEST, _MOST_STEPS = 1e-2, 1e-11, 1e-7, 512
@@ -143,11 +141,6 @@ def _diagnose_limit(limit: _Observed, frames: int, reference: Reference) -> Diag
             f"{limit.orders_in_words}; runs of a single problem cannot show why the order is too "
             "low"
         )
-    way, all_the_way = (
-        float(np.max(np.abs(states[:, 0] - states[0, 0]))) for states in (limit.states, right)
-    )
-    if way < _STANDSTILL * all_the_way:
-        return _unknown("the rope stops moving as dt goes to 0")
     if frames < _FEWEST_FRAMES:
         return _unknown(
             f"the runs tend to a wrong solution, but their limit is certain enough for a fit only "
