@@ -6,6 +6,7 @@ from .certificate import Witness as Witness
 from .certificate import largest_norms as largest_norms
 from .certificate import padded as padded
 from .compute import each_reference as each_reference
+from .compute import reference_and_runs as reference_and_runs
 from .compute import reference_for as reference_for
 from .compute import solved_again as solved_again
 from .derivatives import time_derivatives as time_derivatives
@@ -59,6 +60,3 @@ from .solvers.solver import SCIPY_DOP853 as SCIPY_DOP853
 from .solvers.solver import SCIPY_RADAU as SCIPY_RADAU
 from .solvers.solver import Solver as Solver
 from .solvers.solver import taylor as taylor
-from .witnesses import budget_of as budget_of
-from .witnesses import primary_solution as primary_solution
-from .witnesses import witness_runs as witness_runs

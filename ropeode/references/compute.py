@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, Unpack, overload
+from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
 
 import numpy as np
 
 from ropeode.errors import InputError, ReferenceRefused
 from ropeode.problems import Ensemble, Problem, require_memory, require_problem, without_memory
 from ropeode.progress import Progress, bar, shows_progress, silent
-from ropeode.references.certificate import Level
+from ropeode.references.certificate import Level, Role
 from ropeode.references.kept import kept_or_computed
 from ropeode.references.options import (
     DIGITS,
@@ -21,6 +21,7 @@ from ropeode.references.options import (
     ReferenceOptions,
 )
 from ropeode.references.reference import Reference
+from ropeode.references.solvers.solution import Solution
 from ropeode.threads import cores
 from ropeode.validation import check_kind, check_whole, complaint
 
@@ -245,7 +246,32 @@ def _each(
     return (or_refused(solve, member) for member in ensemble)
 
 
-def _reference(problem: Problem, options: ReferenceOptions, progress: Progress) -> Reference:
+def reference_and_runs(
+    problem: Problem, options: ReferenceOptions, progress: Progress = silent
+) -> tuple[Reference, list[tuple[Role | Literal["reference"], Solution]]]:
+    """A new reference of level `consensus`, and all runs that it rests on, with their states.
+
+    A certificate keeps the differences of its witnesses only.
+
+    Arguments:
+        problem: what is solved.
+        options: of the reference.
+        progress: as for `reference`.
+
+    Returns:
+        The reference; and of each run its role, and the solution. The first is the reference's own.
+
+    Raises:
+        ReferenceRefused: the problem has no reference.
+    """
+    runs: list[tuple[Role | Literal["reference"], Solution]] = []
+    found = _reference(problem, options, progress, seen=lambda *each: runs.append(each))
+    return found, runs
+
+
+def _reference(
+    problem: Problem, options: ReferenceOptions, progress: Progress, **seen: Any
+) -> Reference:
     # Of the ladder, of the witnesses, and of the differences between them.
     require_memory(problem, copies=6)
     problem.require_equations()
@@ -257,4 +283,4 @@ def _reference(problem: Problem, options: ReferenceOptions, progress: Progress) 
             return extended_reference(problem, options, progress)
         from ropeode.references.consensus import consensus_reference
 
-        return consensus_reference(problem, options, progress)
+        return consensus_reference(problem, options, progress, **seen)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Literal
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from ropeode.references.certificate import (
     SAFETY_FACTOR,
     Certificate,
     Reason,
+    Role,
     Witness,
     bounds,
     default_accuracy,
@@ -51,9 +53,12 @@ TIGHTEST_RTOL = 1e-14
 _PACKAGES = ("ropeode", "diffrax", "jax", "jaxlib", "numpy", "scipy")
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Primary:
-    """All runs of the primary solver on a problem.
+Seen = Callable[[Role | Literal["reference"], Solution], object]
+
+
+@dataclasses.dataclass(eq=False)
+class Comparison:
+    """The run that becomes the reference, and how far all others are from it.
 
     Arguments:
         problem: what was to be solved.
@@ -62,11 +67,11 @@ class Primary:
         method: the solvers.
         budget: the time that they may take, and have taken.
         run: the run that becomes the reference.
-        next_tighter: the rung of the ladder after it, without its states.
         rungs: all rungs of the tolerance ladder, without their states.
+        seen: is called with the role and the states of each run.
         from_tightest: how far each rung is from the tightest one, at most, up to each sample.
         witnesses: the other runs, compared with `run`.
-        others: the witnesses that are not rungs, without their states.
+        others: those of them that are not rungs, without their states.
     """
 
     problem: Problem
@@ -74,18 +79,50 @@ class Primary:
     method: Method
     budget: Budget
     run: Solution
-    next_tighter: Solution
     rungs: tuple[Solution, ...]
-    from_tightest: tuple[np.ndarray, ...]
-    witnesses: tuple[Witness, ...]
-    others: tuple[Solution, ...]
+    seen: Seen
+    from_tightest: list[np.ndarray] = dataclasses.field(default_factory=list)
+    witnesses: list[Witness] = dataclasses.field(default_factory=list)
+    others: list[Solution] = dataclasses.field(default_factory=list)
+
+    @property
+    def next_tighter(self) -> Solution:
+        """The rung of the ladder after the run."""
+        return next(rung for rung in self.rungs if rung.rtol < self.run.rtol)
+
+    @property
+    def every(self) -> list[Solution]:
+        """All runs, without their states."""
+        return [*self.rungs, *self.others]
+
+    def add(self, role: Role, run: Solution) -> None:
+        """Compare a run."""
+        self.seen(role, run)
+        self.witnesses.append(witness(self.problem, self.run, run, role))
+        if role not in ("looser", "tighter"):
+            self.others.append(run.without_states())
+
+    def bounds(self, *more: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """The error bounds that follow from all runs so far; `more` is as for `bounds`."""
+        return bounds(self.problem, self.run, self.witnesses, *more)
+
+
+def _unseen(role: Role | Literal["reference"], run: Solution) -> None:
+    """No run is kept."""
 
 
 def consensus_reference(
-    problem: Problem, options: ReferenceOptions, progress: Progress
+    problem: Problem, options: ReferenceOptions, progress: Progress, seen: Seen = _unseen
 ) -> Reference:
-    """A reference of level `consensus`, as `ropeode.reference` describes it and raises."""
-    primary = primary_runs(problem, options, progress)
+    """A reference of level `consensus`, as `ropeode.reference` describes it and raises.
+
+    Arguments:
+        problem: what is solved.
+        options: of the reference.
+        progress: called before each run, with what it is.
+        seen: called after each run, with its role.
+    """
+    primary = primary_runs(problem, options, progress, seen)
     independent, beyond = independent_run(primary), None
     # Taylor series are an explicit method.
     if primary.method is EXPLICIT_SOLVERS:
@@ -93,14 +130,16 @@ def consensus_reference(
     return certified(primary, independent, options, beyond)
 
 
-def independent_run(primary: Primary) -> Solution:
+def independent_run(primary: Comparison) -> Solution:
     """The run of another library's solver, as far as the primary ones went."""
     return solve_independent(
         primary.solved, primary.method, primary.next_tighter, primary.run, primary.budget
     )
 
 
-def primary_runs(problem: Problem, options: ReferenceOptions, progress: Progress) -> Primary:
+def primary_runs(
+    problem: Problem, options: ReferenceOptions, progress: Progress, seen: Seen = _unseen
+) -> Comparison:
     """Run the primary solver on its ladder, from a neighbouring state, and with short steps.
 
     Raises:
@@ -123,38 +162,24 @@ def primary_runs(problem: Problem, options: ReferenceOptions, progress: Progress
             Reason.STOPPED,
         )
     primary, tightest = recall(solved, method, rungs[primary_index], budget), rungs[-1]
-    witnesses, from_tightest = [], []
+    seen("reference", primary)
+    bare = tuple(rung.without_states() for rung in rungs)
+    compared = Comparison(problem, solved, method, budget, primary, bare, seen)
     for index, rung in enumerate(rungs):
         run = primary if index == primary_index else recall(solved, method, rung, budget)
         apart = distances(problem, run.states, tightest.states)[problem.quantities[0]]
-        from_tightest.append(np.maximum.accumulate(padded(apart, problem)))
+        compared.from_tightest.append(np.maximum.accumulate(padded(apart, problem)))
         if index != primary_index:
-            role = "looser" if index < primary_index else "tighter"
-            witnesses.append(witness(problem, primary, run, role))
+            compared.add("looser" if index < primary_index else "tighter", run)
         del run
-    bare_rungs = tuple(rung.without_states() for rung in rungs)
     del rungs, tightest
-    others = []
     for role, more in other_runs(problem, solved, primary):
-        run = solve_other(solved, method, primary.rtol, role, more, budget)
-        witnesses.append(witness(problem, primary, run, role))
-        others.append(run.without_states())
-    return Primary(
-        problem=problem,
-        solved=solved,
-        method=method,
-        budget=budget,
-        run=primary,
-        next_tighter=bare_rungs[primary_index + 1],
-        rungs=bare_rungs,
-        from_tightest=tuple(from_tightest),
-        witnesses=tuple(witnesses),
-        others=tuple(others),
-    )
+        compared.add(role, solve_other(solved, method, primary.rtol, role, more, budget))
+    return compared
 
 
 def certified(
-    primary: Primary,
+    primary: Comparison,
     independent: Solution,
     options: ReferenceOptions,
     beyond: Solution | None = None,
@@ -170,14 +195,12 @@ def certified(
     Raises:
         ReferenceRefused: not even the first sample can be trusted; says why.
     """
-    problem, run = primary.problem, primary.run
-    witnesses = [*primary.witnesses, witness(problem, run, independent, "independent")]
-    every = [*primary.rungs, *primary.others, independent]
+    problem, run, witnesses = primary.problem, primary.run, primary.witnesses
+    primary.add("independent", independent)
     if beyond is not None:
-        witnesses.append(witness(problem, run, beyond, "more digits"))
-        every.append(beyond)
+        primary.add("more digits", beyond)
     drift = problem.drift(run.states)
-    estimated = bounds(problem, run, witnesses, drift)
+    estimated = primary.bounds(drift)
     bound, accuracy = estimated[problem.quantities[0]], options.accuracy
     if accuracy is None:
         moved = _resolved_motion(problem, run.states, bound, independent)
@@ -185,7 +208,7 @@ def certified(
     trusted, why = trusted_samples(
         problem, primary.rungs, primary.from_tightest, bound, witnesses, accuracy
     )
-    reason = f"{why}: {_first_failure(primary, every)}" if why == Reason.STOPPED else why
+    reason = f"{why}: {_first_failure(primary)}" if why == Reason.STOPPED else why
     if trusted < 2:
         unresolved = unresolved_motion(problem, run.states[:2], bound[:2])
         unresolved = f" {unresolved}" if unresolved and np.isfinite(bound[1]) else ""
@@ -203,7 +226,7 @@ def certified(
     path = independent.path.until(inside.ts[-1])
     findings = look_between(inside, path, estimated, progress=primary.budget.progress)
     if findings.unresolved:
-        estimated = bounds(problem, run, witnesses, drift, findings.unresolved)
+        estimated = primary.bounds(drift, findings.unresolved)
         bound = estimated[problem.quantities[0]]
         seen = int(np.argmin(np.append(bound[:trusted] <= accuracy, False)))
         if seen < trusted:
@@ -212,10 +235,9 @@ def certified(
             raise ReferenceRefused(f"no reference for {problem.name!r}: {reason}.", reason)
     if len(findings.times):
         closer = solve_closely(inside, primary.method, independent, findings, primary.budget)
-        witnesses.append(witness(problem, run, closer, "close look"))
-        every.append(closer)
+        primary.add("close look", closer)
         before = estimated
-        estimated = bounds(problem, run, witnesses, drift, findings.unresolved)
+        estimated = primary.bounds(drift, findings.unresolved)
         bound, apart = estimated[problem.quantities[0]], witnesses[-1].differences
         seen = findings.trusted(inside.ts, apart, before, bound, accuracy)
         if seen < trusted:
@@ -248,8 +270,8 @@ def certified(
             horizon_reason=reason,
             witnesses=tuple(_inside(w, problem, trusted) for w in witnesses),
             stiff=primary.method is not EXPLICIT_SOLVERS,
-            seconds=sum(each.seconds for each in every),
-            compile_seconds=sum(each.compile_seconds for each in every),
+            seconds=sum(each.seconds for each in primary.every),
+            compile_seconds=sum(each.compile_seconds for each in primary.every),
             versions=versions(*_PACKAGES, *(["heyoka"] if beyond else [])),
             sampling=findings.sampling,
         ),
@@ -268,9 +290,9 @@ def _with_looser_runs(
     return np.append(bound[:trusted], every[trusted:])
 
 
-def _first_failure(primary: Primary, runs: Sequence[Solution]) -> str:
+def _first_failure(primary: Comparison) -> str:
     """Why a run ended before the others."""
-    failures = [f"{run.solver} {run.failure}" for run in runs if run.failure]
+    failures = [f"{run.solver} {run.failure}" for run in primary.every if run.failure]
     return failures[0] if failures else f"the time limit of {primary.budget.seconds:g} s is spent"
 
 

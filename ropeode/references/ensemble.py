@@ -11,7 +11,7 @@ from typing import Any
 from ropeode.errors import ReferenceRefused
 from ropeode.problems import Ensemble, Problem, without_memory
 from ropeode.progress import Progress, silent
-from ropeode.references.consensus import Primary, certified, independent_run, primary_runs
+from ropeode.references.consensus import Comparison, certified, independent_run, primary_runs
 from ropeode.references.ladder import EXPLICIT_SOLVERS
 from ropeode.references.options import ReferenceOptions
 from ropeode.references.reference import Reference
@@ -68,21 +68,21 @@ def or_refused(solve: Callable, *inputs: Any) -> Any:
 def _references(members: Sequence[Problem], options: ReferenceOptions) -> list[Outcome]:
     """References of members whose independent runs are computed together."""
     primaries = [or_refused(primary_runs, member, options, silent) for member in members]
-    independent = _independent([each for each in primaries if isinstance(each, Primary)])
+    independent = _independent([each for each in primaries if isinstance(each, Comparison)])
     return [
         or_refused(certified, each, next(independent), options)
-        if isinstance(each, Primary)
+        if isinstance(each, Comparison)
         else each
         for each in primaries
     ]
 
 
-def _independent(primaries: Sequence[Primary]) -> Iterator[Solution]:
+def _independent(primaries: Sequence[Comparison]) -> Iterator[Solution]:
     """The independent run of each: side by side where that is possible, and gets to the end."""
     # Not above: it imports SciPy's solvers, which takes long.
     from ropeode.references.solvers import dop853
 
-    def goes_together(each: Primary) -> bool:
+    def goes_together(each: Comparison) -> bool:
         whole = each.problem.frames == each.solved.frames
         return each.method is EXPLICIT_SOLVERS and not each.problem.jump_times and whole
 

@@ -6,7 +6,7 @@ import dataclasses
 import functools
 import math
 from collections.abc import Sequence
-from typing import Any, ClassVar, Literal, get_args
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,14 +29,11 @@ from ropeode.references import (
     Role,
     Solution,
     Solver,
-    budget_of,
     extended_solution,
     heyoka,
     largest_norms,
     padded,
-    primary_solution,
-    reference_for,
-    witness_runs,
+    reference_and_runs,
 )
 from ropeode.validation import bad_value, check_all, check_positive, check_whole
 
@@ -253,9 +250,8 @@ def horizon(
     digits = check_whole("digits", digits, at_least=1, example="18")
     time_limit = check_positive("time_limit", time_limit, example="60")
     heyoka()
-    reference = reference_for(
-        problem, ReferenceOptions(accuracy=accuracy, rtol=rtol), lambda text, _: progress(text, 0.0)
-    )
+    options = ReferenceOptions(accuracy=accuracy, rtol=rtol)
+    reference, solutions = reference_and_runs(problem, options, lambda text, _: progress(text, 0.0))
     truth = extended_solution(
         problem, digits=digits, time_limit=time_limit, progress=lambda text, _: progress(text, 0.2)
     )
@@ -270,11 +266,7 @@ def horizon(
         errors = padded(distance(problem, norm, solution.states[: len(times)], exact), problem)
         return Run(solution.solver, solution.rtol, role, solution.steps, errors[: len(times)])
 
-    runs = [run(primary_solution(reference), "reference")]
-    budget = budget_of(reference, progress=lambda text, _: progress(text, 0.6))
-    of_float64 = set(get_args(Role)) - {"more digits"}
-    for role, solution in witness_runs(reference, budget, roles=of_float64):
-        runs.append(run(solution, role))
+    runs = [run(solution, role) for role, solution in solutions if role != "more digits"]
     _check_agreement(reference, truth, runs[0])
 
     lost = _lost(truth, truth.differences[quantity][: truth.agreed], size)

@@ -7,7 +7,7 @@ import numpy as np
 from ropeode import Problem, Reference, reference
 from ropeode.errors import ReferenceRefused
 from ropeode.norms import distance
-from ropeode.references import largest_norms
+from ropeode.references import ReferenceOptions, Solution, largest_norms, reference_and_runs
 
 
 def assert_covered(known: Reference, exact: np.ndarray) -> None:
@@ -39,3 +39,9 @@ def covered(problem: Problem, exact: np.ndarray, **options) -> Reference | None:
         return None
     assert_covered(known, exact)
     return known
+
+
+def reference_and(problem: Problem, role: str) -> tuple[Reference, list[Solution]]:
+    """The reference of a problem, and its witnesses of a role, with their states."""
+    known, runs = reference_and_runs(problem, ReferenceOptions())
+    return known, [run for each, run in runs if each == role]

@@ -13,9 +13,9 @@ from jax import lax
 from ropeode import reference
 from ropeode.precision import in_float64
 from ropeode.problems import Problem, Rope
-from ropeode.references import DOPRI8, KVAERNO5, solve, witness_runs
+from ropeode.references import DOPRI8, KVAERNO5, solve
 from ropeode.references.solvers.rounding import change_by_rounding
-from tests.references.covered import covered
+from tests.references.covered import covered, reference_and
 from tests.references.scalar_problems import scalar
 
 EPS = np.finfo(np.float64).eps
@@ -258,7 +258,7 @@ def test_a_run_with_more_digits_sees_what_is_hidden():
 @beyond_float64
 def test_its_steps_are_short_and_end_on_the_samples():
     problem = creeping(1.0, [0.0, 0.5, 1.0, 1.5, 2.0, 4.0], rate=-0.5)
-    ((_, run),) = witness_runs(reference(problem), roles=["more digits"])
+    _, (run,) = reference_and(problem, "more digits")
     assert run.failure is None
     assert run.steps >= 1000
     np.testing.assert_allclose(run.states[:, 0], np.exp(-0.5 * problem.ts), rtol=2e-16)
