@@ -21,7 +21,7 @@ from ropeode.checking.trajectories.checked_runs import checked_runs, explain, ex
 from ropeode.checking.trajectories.columns import Explanation
 from ropeode.checking.trajectories.convergence import order_finding
 from ropeode.checking.trajectories.departures import departure
-from ropeode.checking.trajectories.known_methods import same_method
+from ropeode.checking.trajectories.known_methods import Identity, same_method
 from ropeode.checking.trajectories.more_runs import more_runs
 from ropeode.checking.trajectories.other_ropes import other_rope
 from ropeode.checking.trajectories.run_files import FEWEST, Files, Run, finite, names_of
@@ -119,7 +119,7 @@ def grade(
     )
     reference = certified()
     causes = _Causes(reference, runs, asked_of, claims, expected, options)
-    order, notes, cause = _order(causes)
+    order, notes, cause = _judged(causes, diagnose=diagnose)
     off = max(float(np.max(run.first_errors)) for run in runs)
     findings = (
         Finding("initial-state", "pass", f"the first sample is the initial state {exactly(off)}"),
@@ -127,20 +127,18 @@ def grade(
         _pins_finding(reference, runs),
         _energy_finding(reference, runs),
     )
-    if diagnose and (order.status == "fail" or expected is None):
-        progress("diagnosis", 0.95)
-        if order.status == "fail":
-            cause = cause or next(causes.sought(order), None)
-        elif causes.late is not None and _is_unintended(causes.late, order):
+    if diagnose and order.status != "fail" and expected is None:
+        late = causes.late
+        if late is not None and _is_unintended(late, order):
             # No claim is refuted, but such a program is hardly intended.
-            notes = (*notes, "; ".join(filter(None, (causes.late.line, causes.late.remedy))))
+            notes = (*notes, "; ".join(filter(None, (late.line, late.remedy))))
     progress("done", 1.0)
     return CheckReport(
         label=names_of(runs),
         claims=claims,
         findings=findings,
-        diagnosis=(cause,) if diagnose and cause is not None else (),
-        notes=(*notes, *_notes(runs, reference, order)),
+        diagnosis=() if cause is None else (cause,),
+        notes=(*notes, *_notes(runs, reference)),
         seconds=time.perf_counter() - started,
     )
 
@@ -179,6 +177,11 @@ class _Causes:
     def program(self) -> Diagnosis | None:
         """The program that computes the runs, with one change at most."""
         return self._program(1)
+
+    @functools.cached_property
+    def same(self) -> Identity | None:
+        """The method of ropeode that computes the runs."""
+        return same_method(self.reference, self.runs)
 
     def _program(self, changes: int) -> Diagnosis | None:
         # Not above: right programs do not need it.
@@ -232,6 +235,10 @@ class _Causes:
         # Of all changes to the program, two at once take the longest to find.
         if program is None and (both := self._program(2)) is not None:
             yield self._or_so_written(both)
+        # Of ropes with an order, the methods have been tried as programs.
+        same = None if wrong and has_rope_forces(reference.problem) else self.same
+        if same is not None and same.refutes(self.expected):
+            yield same.diagnosis(reference.problem)
         if several and wrong:
             yield self._of_the_limit(order, written)
 
@@ -250,17 +257,11 @@ class _Causes:
         # Not above: right programs do not need it.
         from ropeode.checking.diagnosis.trajectories import diagnose_trajectories
 
-        reference, orders = self.reference, _orders(order)
-        if self.program and all(each.verdict == "converges" for each in orders.values()):
+        if self.program and all(each.verdict == "converges" for each in _orders(order).values()):
             return self.program
         states = [(run.dt, run.states) for run in self.known]
         with np.errstate(all="ignore"):  # Runs that blew up have huge numbers.
-            solved = diagnose_trajectories(reference, states, self.known[0].quantities)
-        if solved.cause == "unknown" and not has_rope_forces(reference.problem):
-            # Of ropes the methods have been tried already.
-            same = same_method(reference, self.known)
-            if same is not None and same.refutes(self.expected):
-                return same.diagnosis(reference.problem)
+            solved = diagnose_trajectories(self.reference, states, self.known[0].quantities)
         if written is None:
             return solved
         if solved.cause == "unknown":
@@ -271,40 +272,41 @@ class _Causes:
         return dataclasses.replace(solved, line=f"{solved.line}; or {also}")
 
 
-def _order(causes: _Causes) -> tuple[Finding, tuple[str, ...], Diagnosis | None]:
-    """The verdict on convergence, its notes, and the cause if that decides in place of an order."""
+def _judged(
+    causes: _Causes, *, diagnose: bool
+) -> tuple[Finding, tuple[str, ...], Diagnosis | None]:
+    """The verdict on convergence, its notes, and the cause if it is wrong.
+
+    Arguments:
+        causes: of what may be wrong.
+        diagnose: whether a cause is sought where the verdict does not need it.
+    """
     reference, runs, expected = causes.reference, causes.runs, causes.expected
     finding, notes = order_finding(reference, runs, expected)
     if finding.status == "pass":
-        if causes.claims_symplectic and causes.is_refuted and (named := causes.program):
-            line = f"{finding.line}; claimed to be {causes.claims.method}, but {named.line}"
-            return dataclasses.replace(finding, status="fail", line=line), (), None
-        return finding, notes, None
-    if (named := causes.program) is not None and named.cause == "float32":
+        if not (causes.claims_symplectic and causes.is_refuted and (named := causes.program)):
+            return finding, notes, None
+        line = f"{finding.line}; claimed to be {causes.claims.method}, but {named.line}"
+        finding, notes = dataclasses.replace(finding, status="fail", line=line), ()
+    elif (named := causes.program) is not None and named.cause == "float32":
         line = f"{finding.line}: {named.line}; {named.remedy}"
         return dataclasses.replace(finding, status="undetermined", line=line), (), None
     if finding.status == "fail":
-        return finding, notes, None
+        return finding, notes, next(causes.sought(finding), None) if diagnose else None
     if (cause := next(causes.sought(finding), None)) is not None:
-        return _refuted(finding, cause), (), cause
-    # Not above: it runs steppers, which takes longer than all the rest.
-    if (same := same_method(reference, runs)) is not None:
-        stable = finding.convergence is not None and not finest_is_unstable(finding.convergence)
-        if stable and same.shows(expected):
-            return dataclasses.replace(finding, status="pass", line=same.line), (), None
-        if same.refutes(expected):
-            cause = same.diagnosis(reference.problem)
-            return _refuted(finding, cause), (), cause
-    advice = functools.partial(more_runs, reference, runs, causes.claims, expected)
+        # Without an order, a cause that is named decides.
+        evidence = {**finding.evidence, **cause.evidence}
+        line = f"no order; {cause.line}"
+        return (
+            dataclasses.replace(finding, status="fail", line=line, evidence=evidence),
+            (),
+            cause if diagnose else None,
+        )
+    stable = finding.convergence is not None and not finest_is_unstable(finding.convergence)
+    if stable and causes.same is not None and causes.same.shows(expected):
+        return dataclasses.replace(finding, status="pass", line=causes.same.line), (), None
+    advice = functools.partial(more_runs, reference, runs, causes.claims.method, expected)
     return *order_finding(reference, runs, expected, advice), None
-
-
-def _refuted(finding: Finding, cause: Diagnosis) -> Finding:
-    """Without an order, a cause that is named decides."""
-    evidence = {**finding.evidence, **cause.evidence}
-    return dataclasses.replace(
-        finding, status="fail", line=f"no order; {cause.line}", evidence=evidence
-    )
 
 
 def _pins_finding(reference: Reference, runs: Sequence[Run]) -> Finding:
@@ -373,18 +375,12 @@ def _is_unintended(late: Diagnosis, order: Finding) -> bool:
     )
 
 
-def _notes(runs: Sequence[Run], reference: Reference, order: Finding) -> list[str]:
+def _notes(runs: Sequence[Run], reference: Reference) -> list[str]:
     notes = [
         f"the run with dt = {run.dt:g} diverged at t = {run.diverged.time:g} "
         f"({run.diverged.where}: {run.diverged.given:g}), and does not count"
         for run in runs
         if run.diverged is not None
-    ]
-    notes += [
-        f"{run.path.name}: dt = {run.dt:g} does not divide the {run.interval:g} between samples; "
-        "the last step before each sample must be shorter"
-        for run in finite(runs)
-        if run.uneven and order.status != "pass"
     ]
     if reference.horizon is not None:
         notes.append(

@@ -90,9 +90,6 @@ TIMES = {
     "the initial state is written at t = 1, and each row as much too late": lambda t, v, dt: (
         (t + 1, v[:-1], dt)
     ),
-    "samples are written twice, with the same t": lambda t, v, dt: (
-        (np.repeat(t, 2), np.repeat(v[:-1], 2, axis=0), dt)
-    ),
     "one unit of t in the files is 24 of the problem's, and velocities are 24 times those of the "
     "problem": lambda t, v, dt: (t / 24, v[:-1] * [1, 1, 24, 24], dt / 24),
     "the initial state is written at t = dt, and each row as much": lambda t, v, dt: (

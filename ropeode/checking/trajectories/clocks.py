@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ropeode.checking.trajectories.layout import Written, samples_of
-from ropeode.checking.written_precision import digits_of, last_digit
+from ropeode.checking.written_precision import last_digit
 from ropeode.problems import Problem
 
 # Relative rounding errors of times that are added up step by step, and multiplied.
@@ -49,11 +49,6 @@ class Times(NamedTuple):
         """The one between the first two times that differ; 0 if there is only one."""
         gaps = np.diff(self.all)
         return float(next(iter(gaps[gaps > 0.0]), 0.0))
-
-    @property
-    def repeats(self) -> bool:
-        """Whether some sample has the same time as the one before it."""
-        return bool(np.any(np.diff(self.all) == 0.0))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -114,19 +109,8 @@ def likely_clocks(problem: Problem, files: Sequence[Times]) -> list[Clock]:
     if not files or any(each.interval <= 0.0 for each in files):
         return []
     begin = all(abs(each.first - start) <= _SAME * each.interval for each in files)
-    found = [*_repeated(files)]
-    found += _shifted_rows(files, start) if begin else []
-    return [*found, *_other_times(files, start, end), *_rounded(files, start, end)]
-
-
-def _repeated(files: Sequence[Times]) -> Iterator[Clock]:
-    """Each sample twice."""
-    if all(each.repeats for each in files):
-        words, fix = "samples are written twice, with the same t", "write each sample once"
-        once = (
-            Times(np.where(np.diff(t, prepend=np.nan) == 0.0, np.nan, t), dt) for t, dt in files
-        )
-        yield Clock(words, fix, tuple(once))
+    rows = _shifted_rows(files, start) if begin else ()
+    return [*rows, *_other_times(files, start, end)]
 
 
 def _shifted_rows(files: Sequence[Times], start: float) -> Iterator[Clock]:
@@ -211,19 +195,3 @@ def _of_other_start(files: Sequence[Times], start: float, begins: bool) -> tuple
         return words, f"let t begin at {start:g}"
     words = f"the initial state is missing: the first row is that at {begin}"
     return words, "write the initial state before the first step"
-
-
-def _rounded(files: Sequence[Times], start: float, end: float) -> Iterator[Clock]:
-    """Times with so few digits that several rows have the same."""
-    if any(each.repeats for each in files):
-
-        def right(times: np.ndarray, dt: float) -> Times:
-            even = np.linspace(start, end, len(times))
-            near = np.abs(times - even) <= 1.001 * 10.0 ** -digits_of(times)[1]
-            return Times(np.where(near, even, np.nan), dt)
-
-        yield Clock(
-            "t has so few digits that different samples have the same",
-            "write t with all digits",
-            tuple(right(*each) for each in files),
-        )

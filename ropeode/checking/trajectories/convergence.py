@@ -90,20 +90,20 @@ def order_finding(
     as_written = observe(reference, runs)
     single = any(run.single for run in finite(runs))
     finding = convergence_finding("order", as_written)
-    if not single and _is_right(finding):
+    if not single and is_right(finding):
         return finding, ()
     careful = observe(reference, runs, worst)
     if not single and (exact := _exact(reference, careful)):
         rest = {name: q for name, q in as_written.quantities.items() if name not in exact}
         others = convergence_finding("order", dataclasses.replace(as_written, quantities=rest))
-        if _is_right(others):
+        if is_right(others):
             both = len(exact) < len(as_written.quantities)
             line = "; ".join([*exact.values(), others.line] if both else exact.values())
             return dataclasses.replace(others, line=line, convergence=careful), ()
     if single:
         careful = by_coarse_steps(lambda count: observe(reference, runs[:count]), careful, _SHARE)
     finding = convergence_finding("order", careful)
-    if _is_right(finding):
+    if is_right(finding):
         note = "the finest step sizes are left out, because round-off could explain their errors"
         orders = careful.orders.values()
         lost = any(each.reason == ROUND_OFF for order in orders for each in order.left_out)
@@ -207,7 +207,7 @@ def _exact(reference: Reference, careful: Convergence) -> dict[str, str]:
     return found
 
 
-def _is_right(finding: Finding) -> bool:
+def is_right(finding: Finding) -> bool:
     """Whether all quantities converge to the solution, and show it sufficiently."""
     orders = {} if finding.convergence is None else finding.convergence.orders
     return finding.status == "pass" and all(map(shown, orders.values()))

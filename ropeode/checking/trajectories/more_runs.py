@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import math
 from collections.abc import Sequence
 
 import numpy as np
 
-from ropeode.checking.report import Claims, Convergence
+from ropeode.checking.report import Convergence
 from ropeode.checking.trajectories.convergence import order_finding, shown, unstable_steps
 from ropeode.checking.trajectories.known_methods import (
-    FIRST,
     WHOLE,
     like_steppers,
     run_as,
@@ -22,8 +22,6 @@ from ropeode.errors import InputError
 from ropeode.problems import Problem
 from ropeode.references import Reference
 from ropeode.simulation import step_size
-from ropeode.steppers import as_stepper
-from ropeode.study import problem_class
 from ropeode.theory import stability_limit
 from ropeode.validation import counted, listed
 
@@ -42,7 +40,7 @@ _RUNS = 3
 def more_runs(
     reference: Reference,
     runs: Sequence[Run],
-    claims: Claims,
+    method: str | None,
     expected: int | None,
     convergence: Convergence,
 ) -> str:
@@ -55,13 +53,12 @@ def more_runs(
     Arguments:
         reference: of the problem.
         runs: of the program, from coarse to fine.
-        claims: of its author.
+        method: that its author claims, if any.
         expected: the order that follows from them.
         convergence: of the runs.
     """
     same = like_steppers(reference, finite(runs))
-    names = same
-    words = f"the positions agree with those of {listed(names)}; " if same else ""
+    words = f"the positions agree with those of {listed(same)}; " if same else ""
     # Runs with few digits have to be made again.
     exact = all(np.all(run.rounding == 0.0) for run in finite(runs))
     for steps in _windows(runs) if same else ():
@@ -73,7 +70,7 @@ def more_runs(
             who = "they show" if len(same) > 1 else "it shows"
             return f"{words}{write}add {_in_words(steps)}, with which {who} order {each}"
     if "unstable" in unstable_steps(reference, convergence):
-        return words + advice(reference.problem, claims, runs[-1].dt)
+        return words + _stable(reference.problem, method, runs[-1].dt)
     return words + _from_reasons(convergence, runs)
 
 
@@ -101,20 +98,16 @@ def _windows(runs: Sequence[Run]) -> list[tuple[int, ...]]:
     coarsest, finest = min(counts), max(counts)
     most = _MOST_WORK // (problem.frames * max(problem.y0.size, _SMALL_STATE))
     finer = [finest * 2**k for k in range(1, max(most // finest, 1).bit_length())]
-    coarser = [n for k in range(coarsest.bit_length()) if 0 < (n := coarsest >> k) < coarsest]
+    coarser = sorted({coarsest >> k for k in range(1, coarsest.bit_length())})
     levels = round(math.log(finest / coarsest, _CLOSE))
-    between = {round(coarsest * _CLOSE**k) for k in range(1, levels)} - {*counts}
-
-    def windows(*ladders: Sequence[int]) -> list[tuple[int, ...]]:
-        found = (
-            tuple(ladder[first : first + count])
-            for ladder in ladders
-            for count in range(1, _MOST_RUNS + 1)
-            for first in range(len(ladder) - count + 1)
-        )
-        return sorted(found, key=lambda steps: (sum(steps), len(steps)))
-
-    return windows(finer, sorted(coarser)) + windows(sorted(between))
+    between = sorted({round(coarsest * _CLOSE**k) for k in range(1, levels)} - {*counts})
+    windows = [
+        (ladder is between, sum(steps), len(steps), steps)
+        for ladder in (finer, coarser, between)
+        for first, last in itertools.combinations(range(len(ladder) + 1), 2)
+        if len(steps := tuple(ladder[first:last])) <= _MOST_RUNS
+    ]
+    return [steps for *_, steps in sorted(windows)]
 
 
 def _order(
@@ -135,22 +128,16 @@ def _order(
         steps: of the further runs, per frame.
         expected: the order that is claimed.
     """
-    columns = runs[0].values.shape[2]
-
-    def made_by_it(counts: Sequence[int]) -> list[Run | None]:
-        return [run_as(name, reference.problem, n, columns) for n in counts]
-
-    further = made_by_it(steps)
-    own = runs if exact else made_by_it(steps_per_frame(runs))
-    made = [run for run in (*own, *further) if run is not None]
-    if any(run is None for run in further):
+    columns, again = runs[0].values.shape[2], [] if exact else steps_per_frame(runs)
+    made = [run_as(name, reference.problem, n, columns) for n in (*steps, *again)]
+    if None in made[: len(steps)]:
         return None
-    finding, _ = order_finding(reference, sorted(made, key=lambda run: -run.dt), expected)
-    if finding.status == "undetermined" or finding.convergence is None:
+    known = [*(runs if exact else ()), *(run for run in made if run is not None)]
+    finding, _ = order_finding(reference, sorted(known, key=lambda run: -run.dt), expected)
+    convergence = finding.convergence
+    if finding.status == "undetermined" or convergence is None or not _shows_an_order(convergence):
         return None
-    if not _shows_an_order(finding.convergence):
-        return None
-    order = finding.convergence.orders[reference.problem.quantities[0]]
+    order = convergence.orders[reference.problem.quantities[0]]
     assert order.ci95 is not None
     low, high = order.ci95
     # A program may differ a little from the stepper.
@@ -165,50 +152,23 @@ def _shows_an_order(convergence: Convergence) -> bool:
     )
 
 
-def advice(problem: Problem, claims: Claims, finest: float) -> str:
-    """From how many steps per frame on the method is stable, and the runs to add.
+def _stable(problem: Problem, method: str | None, finest: float) -> str:
+    """From how many steps per frame on a method is stable, and the runs to add.
 
     Arguments:
         problem: that the runs should solve.
-        claims: the method or the order that they are claimed to have.
+        method: that they are claimed to have, if any.
         finest: the smallest step size of the runs.
     """
-    limits = _limits(problem, claims)
-    words = "; ".join(
-        f"{name} is stable here from {counted(limit, 'step')} per frame on"
-        if limit is not None
-        else f"{name} is stable here at no number of steps per frame that was tried"
-        for name, limit in limits.items()
-    )
-    known = [limit for limit in limits.values() if limit is not None]
-    one = step_size(problem, 1)
-    first = max(min(known, default=1), round(2 * one / finest))
+    words, limit, one = "", None, step_size(problem, 1)
+    # Elsewhere there is no equilibrium about which a small motion could grow.
+    with contextlib.suppress(InputError):
+        if method is not None and problem.mechanics is not None:
+            limit = stability_limit(problem, method)
+            where = "no number of steps per frame that was tried"
+            words = f"{method} is stable here at {where}; "
+    if limit is not None:
+        words = f"{method} is stable here from {counted(limit, 'step')} per frame on; "
+    first = max(limit or 1, round(2 * one / finest))
     counts = [first * 2**k for k in range(_RUNS)]
-    add = f"add {_in_words(counts)} (dt <= {one / first:.3g}) to begin with"
-    return f"{words}; {add}" if words else add
-
-
-def _limits(problem: Problem, claims: Claims) -> dict[str, int | None]:
-    """The fewest stable steps per frame of the methods that it may be; empty if unknown."""
-    if problem.mechanics is None:
-        return {}
-    if claims.method is not None:
-        names = [claims.method]
-    else:
-        own = problem_class(problem)
-        names = [
-            name
-            for name in FIRST
-            if claims.order is not None
-            and (stepper := as_stepper(name)).order(own) == claims.order
-            and stepper.solves(own)
-            and stepper.refusal(problem) is None
-        ]
-    limits: dict[str, int | None] = {}
-    for name in names:
-        try:
-            limits[name] = stability_limit(problem, name)
-        except InputError:
-            # There is no equilibrium about which a small motion could grow.
-            continue
-    return limits
+    return f"{words}add {_in_words(counts)} (dt <= {one / first:.3g}) to begin with"

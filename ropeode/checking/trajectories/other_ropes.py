@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from ropeode.analysis import distances, largest_distance
-from ropeode.checking.report import Diagnosis, Finding
-from ropeode.checking.trajectories.convergence import order_finding, shown
+from ropeode.checking.report import Diagnosis
+from ropeode.checking.trajectories.convergence import is_right, order_finding
 from ropeode.checking.trajectories.run_files import Run
 from ropeode.errors import InputError, ReferenceRefused
 from ropeode.norms import NORMS
@@ -42,30 +42,40 @@ def other_rope(
         runs: from coarse to fine.
         certified: makes the reference of a problem.
     """
-    norm = NORMS[f"{reference.problem.quantities[0]}-max"]
-    away = distances(runs[-1].states, reference, norm)
-    own = float(np.max(away))
-    for problem, added in _others(reference.problem):
+    given, finest = reference.problem, runs[-1]
+    norm = NORMS[f"{given.quantities[0]}-max"]
+    away = distances(finest.states, reference, norm)
+    for problem, added in _others(given):
         # A reference takes a hundred times as long as a run that shows which rope is nearer.
-        frame = float(np.max(np.diff(problem.ts)))
-        steps = max(_FEWEST_STEPS, round(frame / runs[-1].dt))
+        steps = max(_FEWEST_STEPS, round(float(np.max(np.diff(problem.ts))) / finest.dt))
         near, early = simulate(problem, "rk4", steps, progress=silent), slice(len(away) // 2 + 1)
-        apart = [run.states[early] for run in (near, runs[-1])]
         if near.status == "ok" and np.max(away[early]) < _NEARER * largest_distance(
-            problem, norm, *apart
+            problem, norm, near.states[early], finest.states[early]
         ):
             continue
         try:
             other = certified(problem)
         except ReferenceRefused:
             continue
-        error = float(np.max(distances(runs[-1].states, other, norm)))
+        own, error = (
+            float(np.max(distances(finest.states, each, norm))) for each in (reference, other)
+        )
         theirs = [dataclasses.replace(run, problem=problem) for run in runs]
         finding, _ = order_finding(other, theirs, None)
-        if own >= _FURTHER * error and _converge(finding):
-            return _diagnosis(
-                (reference.problem, own), (problem, error), runs[-1].dt, finding.line, added
-            )
+        if own < _FURTHER * error or not is_right(finding):
+            continue
+        kind, (springs, _) = problem.parameters["kind"], _LINKS[given.parameters["kind"]]
+        links, methods = _LINKS[kind]
+        links = " ".join([links, *(f"of {name} {value:g}" for name, value in added.items())])
+        line = (
+            f"the files fit the same rope with {links}: at dt = {finest.dt:.4g} the error is "
+            f"{error:.1e} against that rope, and {own:.1e} against the given one, with {springs}; "
+            f"against that rope, {finding.line}"
+        )
+        spec = f'kind = "{kind}" in the spec'
+        fix = f"if that rope is meant, as for {methods}, grade them with {spec}"
+        evidence = {"error": own, "error_of_other": error, "other": dict(problem.parameters)}
+        return Diagnosis("other-rope", line, evidence, fix)
     return None
 
 
@@ -91,29 +101,3 @@ def _others(problem: Problem) -> list[tuple[Problem, dict[str, Any]]]:
         added = {name: made.parameters[name] for name in kind.model_fields if name not in given}
         found.append((made, added))
     return found
-
-
-def _converge(finding: Finding) -> bool:
-    orders = {} if finding.convergence is None else finding.convergence.orders
-    return finding.status == "pass" and bool(orders) and all(map(shown, orders.values()))
-
-
-def _diagnosis(
-    given: tuple[Problem, float],
-    other: tuple[Problem, float],
-    dt: float,
-    agreement: str,
-    added: Mapping[str, Any],
-) -> Diagnosis:
-    """The words; each problem comes with the error of the finest run against it."""
-    kind, (problem, error) = other[0].parameters["kind"], given
-    (own, _), (links, methods) = _LINKS[problem.parameters["kind"]], _LINKS[kind]
-    links = " ".join([links, *(f"of {name} {value:g}" for name, value in added.items())])
-    line = (
-        f"the files fit the same rope with {links}: at dt = {dt:.4g} the error is {other[1]:.1e} "
-        f"against that rope, and {error:.1e} against the given one, with {own}; against that "
-        f"rope, {agreement}"
-    )
-    remedy = f'if that rope is meant, as for {methods}, grade them with kind = "{kind}" in the spec'
-    evidence = {"error": error, "error_of_other": other[1], "other": dict(other[0].parameters)}
-    return Diagnosis("other-rope", line, evidence, remedy)

@@ -148,12 +148,6 @@ class Run:
         """The file's name and the step size."""
         return f"{self.path.name}, dt = {self.dt:g}"
 
-    @property
-    def uneven(self) -> bool:
-        """Whether the interval between samples is not a multiple of dt."""
-        steps = self.interval / self.dt
-        return abs(steps - np.rint(steps)) > _SAME * steps
-
 
 class Files(NamedTuple):
     """Files of one program, as `read_runs` has them.
