@@ -63,7 +63,7 @@ def grade(
 ) -> CheckReport:
     """Compare trajectories of one program, with several step sizes, with a certified reference.
 
-    Files are read one after the other, and only the samples at the problem's sample times are kept.
+    Only the samples at the problem's sample times count.
     docs/howto/grade.md describes their format.
 
     Arguments:

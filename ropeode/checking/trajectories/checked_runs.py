@@ -21,7 +21,7 @@ from ropeode.checking.trajectories.run_files import (
     Run,
     finite,
     for_each_file,
-    opened_files,
+    read_files,
     read_runs,
     run_of,
 )
@@ -236,16 +236,15 @@ def _by_other_clocks(files: Files) -> Iterator[tuple[Clock, tuple[Run, ...]]]:
     """What the times of files may mean instead, and the runs that they are then."""
     problem = files.problem
     try:
-        opened, dts, _ = opened_files(*files)
-        every = [(file.path, file.samples()) for file in opened]
-    except (InputError, OSError):
+        every, dts, _ = read_files(files)
+    except InputError:
         return
-    times = [Times(written.times, dt) for (_, written), dt in zip(every, dts, strict=True)]
+    times = [Times(written.times, dt) for written, dt in zip(every, dts, strict=True)]
     for clock in likely_clocks(problem, times):
         with contextlib.suppress(InputError):
             read = [
-                run_of(path, clock.files[k].dt, clock.read(written, k, problem), problem)
-                for k, (path, written) in enumerate(every)
+                run_of(clock.read(written, k, problem), clock.files[k].dt, problem)
+                for k, written in enumerate(every)
             ]
             runs = finite(sorted(read, key=lambda run: -run.dt))
             if len(runs) >= files.fewest and len({run.quantities for run in runs}) == 1:

@@ -87,7 +87,7 @@ class Clock:
             times, values = np.append(problem.ts[0], times), np.concatenate([first, values])
         if not self.ends:  # What stands there does not count.
             times, values = np.append(times, problem.ts[-1]), np.concatenate([values, values[-1:]])
-        return Written(times, values, written.where)
+        return written._replace(times=times, values=values)
 
 
 def _snapped(times: np.ndarray, wanted: np.ndarray, room: float) -> np.ndarray:

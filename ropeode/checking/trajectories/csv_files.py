@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import re
 import warnings
 from collections.abc import Iterator
@@ -27,7 +26,22 @@ _PLACE = 2
 _STEP = re.compile(r"#\s*dt\s*[=:]\s*(\S+)\s*")
 
 
-class CsvFile:
+def read_csv(path: Path, layout: Layout) -> Written:
+    """Read one line for each node at each time.
+
+    Arguments:
+        path: of the file.
+        layout: of its samples.
+
+    Raises:
+        InputError: it cannot be read, or a line is wrong; the message names the line and the
+            column.
+    """
+    with open_to_read("file", path) as file:
+        return _Csv(path, layout, file).samples()
+
+
+class _Csv:
     """A file that begins with comments and a header, as ``t,node,x,y,vx,vy``.
 
     A comment ``# dt = 0.01`` gives the step size. Nodes are numbered from 0; all nodes of one
@@ -36,19 +50,15 @@ class CsvFile:
     Arguments:
         path: of the file.
         layout: of its samples.
+        file: opened.
 
     Raises:
-        InputError: it cannot be read, or does not begin with comments and a header.
+        InputError: it does not begin with comments and a header.
     """
 
-    def __init__(self, path: Path, layout: Layout):
-        self.path, self.layout = path, layout
+    def __init__(self, path: Path, layout: Layout, file: BinaryIO):
+        self.path, self.layout, self._file = path, layout, file
         self.dt: str | None = None
-        with open_to_read("file", path) as file:
-            self.size = os.fstat(file.fileno()).st_size
-            self._read_head(file)
-
-    def _read_head(self, file: BinaryIO) -> None:
         number = 0
         while True:
             line = file.readline(_LONGEST_LINE)
@@ -74,7 +84,6 @@ class CsvFile:
                 "write the header above the numbers, and one line for each node",
             )
         self.columns = tuple(names.split(","))
-        self.velocities = names == self.layout.headers[-1] and self.layout.mechanical
         self._header_lines, self._begin = number, file.tell()
 
     @property
@@ -106,28 +115,26 @@ class CsvFile:
                 text += f", column {column + 3} ({self.columns[column + _PLACE]})"
             return text
 
-        return Written(values[:, 0, 0], values[:, :, _PLACE:], where)
+        return Written(self.path, self.dt, values[:, 0, 0], values[:, :, _PLACE:], where)
 
     def _rows(self) -> np.ndarray:
         """All lines as numbers, ``(lines, columns)``."""
-        with open_to_read("file", self.path) as file:
-            file.seek(self._begin)
-            lines = sum(1 for line in file if line.endswith(b"\n"))
-            file.seek(self._begin)
-            with contextlib.suppress(ValueError), warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # Of a file without numbers.
-                rows = np.loadtxt(file, delimiter=",", comments=None, ndmin=2)
-                # NumPy passes over empty lines, and takes a last one that does not end.
-                as_usual = rows.shape == (lines, len(self.columns))
-                if as_usual and np.isfinite(rows[:, :_PLACE]).all():
-                    return rows
-            file.seek(self._begin)
-            return np.array([*self._rows_by_hand(file)]).reshape(-1, len(self.columns))
+        lines = sum(1 for line in self._file if line.endswith(b"\n"))
+        self._file.seek(self._begin)
+        with contextlib.suppress(ValueError), warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # Of a file without numbers.
+            rows = np.loadtxt(self._file, delimiter=",", comments=None, ndmin=2)
+            # NumPy passes over empty lines, and takes a last one that does not end.
+            as_usual = rows.shape == (lines, len(self.columns))
+            if as_usual and np.isfinite(rows[:, :_PLACE]).all():
+                return rows
+        self._file.seek(self._begin)
+        return np.array([*self._rows_by_hand()]).reshape(-1, len(self.columns))
 
-    def _rows_by_hand(self, file: BinaryIO) -> Iterator[list[float]]:
+    def _rows_by_hand(self) -> Iterator[list[float]]:
         """The numbers of each line, for what NumPy does not read and for complaints."""
         finite = True
-        for number, line in enumerate(file, self._header_lines + 1):
+        for number, line in enumerate(self._file, self._header_lines + 1):
             if not line.endswith(b"\n"):
                 fix = "let the program finish, and end the last line with a newline too"
                 if finite:

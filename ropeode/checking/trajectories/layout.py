@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,8 @@ class Written(NamedTuple):
     """The samples in a file.
 
     Fields:
+        path: of the file.
+        dt: its step size, if the file says it.
         times: of the samples, ``(samples,)``.
         values: of all nodes, ``(samples, nodes, columns)``: coordinates, followed by velocities
             if the file has them.
@@ -24,6 +27,8 @@ class Written(NamedTuple):
             and column; None stands for all nodes, or all columns.
     """
 
+    path: Path
+    dt: str | None
     times: np.ndarray
     values: np.ndarray
     where: Callable[[int, int | None, int | None], str]

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from ropeode.checking.trajectories.array_files import ArrayFile
-from ropeode.checking.trajectories.csv_files import CsvFile
+from ropeode.checking.trajectories.array_files import read_arrays
+from ropeode.checking.trajectories.csv_files import read_csv
 from ropeode.checking.trajectories.layout import Layout, Written, samples_of, states_of
 from ropeode.checking.written_precision import epsilon, last_digit
 from ropeode.errors import InputError
@@ -22,8 +22,7 @@ from ropeode.simulation import step_size
 from ropeode.validation import MOST_COUNTED, bad_value, complaint, listed, positive_number
 
 T = TypeVar("T")
-File = CsvFile | ArrayFile
-FORMATS: dict[str, type[File]] = {".csv": CsvFile, ".npz": ArrayFile, ".nc": ArrayFile}
+FORMATS = {".csv": read_csv, ".npz": read_arrays, ".nc": read_arrays}
 FEWEST = 3
 _NAMES_SHOWN = 3
 # Units of rounding by which a first sample may be off: programs often compute positions.
@@ -184,7 +183,7 @@ def read_runs(
     *,
     fewest: int = FEWEST,
 ) -> tuple[Run, ...]:
-    """Read the files one after the other, keeping the samples at the problem's sample times.
+    """Read files, keeping the samples at the problem's sample times.
 
     Arguments:
         files: one for each step size.
@@ -200,65 +199,59 @@ def read_runs(
         InputError: the first fault of each file that cannot be used; one that several files
             have is one line.
     """
-    opened, steps, named = opened_files(files, problem, dts, fewest)
-    sizes = np.cumsum([0, *(file.size for file in opened)])
+    every, steps, named = read_files(Files(files, problem, dts, fewest), progress)
 
-    def read(index: int) -> Run:
-        file = opened[index]
-        progress(f"reading {file.path.name}", float(sizes[index] / max(sizes[-1], 1)))
-        run = run_of(file.path, steps[index], file.samples(), problem)
-        return dataclasses.replace(run, named=named)
+    def run(index: int) -> Run:
+        return dataclasses.replace(run_of(every[index], steps[index], problem), named=named)
 
-    runs = for_each_file([file.path for file in opened], read)
-    if len({file.velocities for file in opened}) > 1:
-        without = [str(file.path) for file in opened if not file.velocities]
+    runs = for_each_file([each.path for each in every], run)
+    least = min(len(run.quantities) for run in runs)
+    without = [str(run.path) for run in runs if len(run.quantities) == least]
+    if len(without) < len(runs):
         allowed = "velocities in all files, or in none"
         fix = "write them to all files"
         raise bad_value("velocities", f"none in {without}", allowed, fix)
     return tuple(sorted(runs, key=lambda run: -run.dt))
 
 
-def opened_files(
-    files: Sequence[str | Path], problem: Problem, dts: Sequence[Any] | None, fewest: int = FEWEST
-) -> tuple[list[File], list[float], bool]:
-    """Open the files, read their headers, and tell the step size of each.
+def read_files(
+    files: Files, progress: Progress = silent
+) -> tuple[list[Written], list[float], bool]:
+    """Read files one after the other, and tell the step size of each.
 
     Returns:
-        The files, their step sizes, and whether these are those of the names.
+        What is in them, their step sizes, and whether these are those of the names.
 
     Raises:
         InputError: one line for each fault, or there are too few files.
     """
-    opened = _open(files, Layout.of(problem), fewest)
-    if dts is not None and len(dts) != len(opened):
-        allowed = f"one for each of the {len(opened)} files, in the same order"
-        raise bad_value("dt", len(dts), allowed, "give one for each file")
-    named = None
-    if problem.equal_frames and all(file.dt is None for file in opened):
-        named = _step_sizes_in_names([file.path for file in opened], dts, step_size(problem, 1))
-    return opened, _step_sizes(opened, problem, named or dts), named is not None
-
-
-def _open(files: Sequence[str | Path], layout: Layout, fewest: int) -> list[File]:
-    if isinstance(files, (str, Path)):
-        raise bad_value("files", str(files), "a list of files", "put it into a list")
-    paths = [Path(file) for file in files]
+    given, problem, dts, fewest = files
+    if isinstance(given, (str, Path)):
+        raise bad_value("files", str(given), "a list of files", "put it into a list")
+    paths, layout = [Path(file) for file in given], Layout.of(problem)
     # One that does not exist may be a folder of many, with a mistake in its name.
     if len(paths) < fewest and all(path.exists() for path in paths):
         allowed = f"at least {fewest}, with different step sizes" + (
             ", because fewer show no order" if fewest > 1 else ""
         )
         raise bad_value("files", len(paths), allowed, "run with more step sizes")
+    if dts is not None and len(dts) != len(paths):
+        allowed = f"one for each of the {len(paths)} files, in the same order"
+        raise bad_value("dt", len(dts), allowed, "give one for each file")
 
-    def one(index: int) -> File:
+    def read(index: int) -> Written:
         path, suffix = paths[index], paths[index].suffix.lower()
         if suffix not in FORMATS and path.exists():
             allowed = f"a file whose name ends in {', '.join(FORMATS)}"
             raise bad_value("file", str(path), allowed, "rename it according to its format")
+        progress(f"reading {path.name}", index / len(paths))
         # What does not exist is of no format, and each of them says why it cannot be read.
-        return FORMATS.get(suffix, CsvFile)(path, layout)
+        return FORMATS.get(suffix, read_csv)(path, layout)
 
-    return for_each_file(paths, one)
+    every, named = for_each_file(paths, read), None
+    if problem.equal_frames and all(each.dt is None for each in every):
+        named = _step_sizes_in_names(paths, dts, step_size(problem, 1))
+    return every, _step_sizes(every, problem, named or dts), named is not None
 
 
 def _step_sizes_in_names(
@@ -284,7 +277,9 @@ def _step_sizes_in_names(
     return named.tolist() if is_so and named.tolist() != given else None
 
 
-def _step_sizes(files: Sequence[File], problem: Problem, dts: Sequence[Any] | None) -> list[float]:
+def _step_sizes(
+    files: Sequence[Written], problem: Problem, dts: Sequence[Any] | None
+) -> list[float]:
     """The step size of each file, from the file, or from the caller or the names.
 
     Raises:
@@ -301,7 +296,7 @@ def _step_sizes(files: Sequence[File], problem: Problem, dts: Sequence[Any] | No
                 "equal length, names that differ in a single number, the steps per frame (not 1, "
                 "2, 3, which may number the files)"
             )
-            in_csv = isinstance(file, CsvFile)
+            in_csv = file.path.suffix.lower() == ".csv"
             fix = "write '# dt = 0.01' above the header" if in_csv else "store a number dt as well"
             raise bad_value(f"{file.path}, dt", "none", allowed, fix)
         if abs(values[-1] - values[0]) > _SAME * values[0]:
@@ -323,7 +318,7 @@ def _step_sizes(files: Sequence[File], problem: Problem, dts: Sequence[Any] | No
     return steps
 
 
-def _step_size(file: File, given: Any, problem: Problem) -> float:
+def _step_size(file: Written, given: Any, problem: Problem) -> float:
     try:
         dt = positive_number(given)
         steps = float(problem.ts[-1] - problem.ts[0]) / dt
@@ -336,7 +331,7 @@ def _step_size(file: File, given: Any, problem: Problem) -> float:
         raise bad_value(f"{file.path}, dt", given, allowed, "for example dt = 0.01") from None
 
 
-def run_of(path: Path, dt: float, written: Written, problem: Problem) -> Run:
+def run_of(written: Written, dt: float, problem: Problem) -> Run:
     """The run whose samples are those of a file at the sample times of a problem.
 
     Raises:
@@ -347,8 +342,8 @@ def run_of(path: Path, dt: float, written: Written, problem: Problem) -> Run:
     if dt > interval * (1.0 + _SAME):
         allowed = f"at most {interval:g}, the time between two samples of the file"
         fix = "check whether this dt belongs to another file"
-        raise bad_value(f"{path}, dt", dt, allowed, fix)
-    return Run(problem, path, dt, values, interval, diverged=diverged)
+        raise bad_value(f"{written.path}, dt", dt, allowed, fix)
+    return Run(problem, written.path, dt, values, interval, diverged=diverged)
 
 
 def _sampled(
@@ -373,7 +368,7 @@ def _sampled(
         InputError: a time is wrong or missing, or the first sample is not finite.
     """
     written, diverged = _finite_part(written)
-    times, _, where = written
+    times, where = written.times, written.where
     if not len(times):
         allowed = "a sample at each sample time"
         raise bad_value(where(0, None, None), "no samples", allowed, "write them")
@@ -414,7 +409,7 @@ def _sampled(
 
 def _finite_part(written: Written) -> tuple[Written, Diverged | None]:
     """The samples up to the first that is not finite, and that one."""
-    times, values, where = written
+    _, _, times, values, where = written
     finite = np.isfinite(values)
     whole = finite.all(axis=(1, 2)) & np.isfinite(times)
     if whole.all():
@@ -430,7 +425,7 @@ def _finite_part(written: Written) -> tuple[Written, Diverged | None]:
         fix = "start from the initial state, and write finite times in runs that diverged too"
         raise bad_value(place, float(given), "a finite number", fix)
     diverged = Diverged(float(times[sample]), place, float(given))
-    return Written(times[:sample], values[:sample], where), diverged
+    return written._replace(times=times[:sample], values=values[:sample]), diverged
 
 
 def _check_order(written: Written) -> None:
