@@ -55,7 +55,7 @@ def read_arrays(path: Path, layout: Layout) -> Written:
             fix = "reorder the axes, or grade the file with its own spec"
             _refuse(path, name, part.shape, allowed, fix)
 
-    def where(sample: int, node: int | None, column: int | None) -> str:
+    def where(sample: int, node: int | None = None, column: int | None = None) -> str:
         if node is None or column is None:
             return f"{path}, {TIMES}[{sample}]"
         name, axis = names[column // layout.dim], column % layout.dim

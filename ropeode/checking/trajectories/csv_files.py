@@ -109,7 +109,7 @@ class _Csv:
             allowed = f"all {nodes} nodes at t = {rows[whole, 0]:.9g}"
             self._complain(first + len(rows) - 1, given, allowed, "let the program finish")
 
-        def where(sample: int, node: int | None, column: int | None) -> str:
+        def where(sample: int, node: int | None = None, column: int | None = None) -> str:
             text = f"{self.path}, line {first + sample * nodes + (node or 0)}"
             if column is not None:
                 text += f", column {column + 3} ({self.columns[column + _PLACE]})"

@@ -24,14 +24,14 @@ class Written(NamedTuple):
         values: of all nodes, ``(samples, nodes, columns)``: coordinates, followed by velocities
             if the file has them.
         where: names the file and the place of a value in it, from the indices of its sample, node
-            and column; None stands for all nodes, or all columns.
+            and column; without the last two, all nodes are meant.
     """
 
     path: Path
     dt: str | None
     times: np.ndarray
     values: np.ndarray
-    where: Callable[[int, int | None, int | None], str]
+    where: Callable[..., str]
 
 
 @dataclasses.dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -334,49 +334,25 @@ def _step_size(file: Written, given: Any, problem: Problem) -> float:
 def run_of(written: Written, dt: float, problem: Problem) -> Run:
     """The run whose samples are those of a file at the sample times of a problem.
 
-    Raises:
-        InputError: a time is wrong or missing, or they are farther apart than dt allows.
-    """
-    values, interval, diverged = _sampled(written, problem.ts)
-    interval = interval or float(problem.ts[-1] - problem.ts[0])
-    if dt > interval * (1.0 + _SAME):
-        allowed = f"at most {interval:g}, the time between two samples of the file"
-        fix = "check whether this dt belongs to another file"
-        raise bad_value(f"{written.path}, dt", dt, allowed, fix)
-    return Run(problem, written.path, dt, values, interval, diverged=diverged)
-
-
-def _sampled(
-    written: Written, wanted: np.ndarray
-) -> tuple[np.ndarray, float | None, Diverged | None]:
-    """Check the samples of a file, and take those at the wanted times.
-
-    Samples must be equally spaced, except where the wanted times are not; an interval that
-    ends at a wanted time may be shorter. At the first number that is not finite the run
+    Samples must be equally spaced, except where the problem's times are not; an interval that
+    ends at a sample time may be shorter. At the first number that is not finite the run
     diverged, and nothing that follows counts.
 
-    Arguments:
-        written: in a file.
-        wanted: sample times, increasing.
-
-    Returns:
-        The values, ``(times, nodes, columns)``, not-a-number from where the run diverged; the
-        interval between the first two samples in the file, None if there is only one; and the
-        first number that is not finite.
-
     Raises:
-        InputError: a time is wrong or missing, or the first sample is not finite.
+        InputError: a time is wrong or missing, the first sample is not finite, or they are farther
+            apart than dt allows.
     """
+    wanted = problem.ts
     written, diverged = _finite_part(written)
     times, where = written.times, written.where
     if not len(times):
         allowed = "a sample at each sample time"
-        raise bad_value(where(0, None, None), "no samples", allowed, "write them")
+        raise bad_value(where(0), "no samples", allowed, "write them")
     _check_order(written)
     room = _room(times, wanted)
     if abs(times[0] - wanted[0]) > room[0]:
         raise bad_value(
-            where(0, None, None),
+            where(0),
             float(times[0]),
             f"the start of the problem, t = {wanted[0]:g}, as the first time",
             "write the initial state before the first step",
@@ -389,7 +365,7 @@ def _sampled(
     _check_spacing(written, kept, missing, wanted)
     if missing is not None:
         raise bad_value(
-            where(missing, None, None),
+            where(missing),
             f"t = {times[missing]:.9g} after t = {times[missing - 1]:.9g}",
             f"a sample at t = {wanted[len(kept)]:g}, which is missing",
             "check the number of steps before each sample; if dt does not divide the time, the "
@@ -397,14 +373,19 @@ def _sampled(
         )
     if diverged is None and len(kept) < len(wanted):
         raise bad_value(
-            where(len(times) - 1, None, None),
+            where(len(times) - 1),
             f"t = {times[-1]:.9g} as the last time",
             f"samples up to t = {wanted[-1]:g}; the one at t = {wanted[len(kept)]:g} is missing",
             "make the remaining steps; if dt does not divide the time, the last one is shorter",
         )
     values = np.full((len(wanted), *written.values.shape[1:]), np.nan)
     values[: len(kept)] = written.values[kept]
-    return values, float(times[1] - times[0]) if len(times) > 1 else None, diverged
+    interval = float(times[1] - times[0] if len(times) > 1 else wanted[-1] - wanted[0])
+    if dt > interval * (1.0 + _SAME):
+        allowed = f"at most {interval:g}, the time between two samples of the file"
+        fix = "check whether this dt belongs to another file"
+        raise bad_value(f"{written.path}, dt", dt, allowed, fix)
+    return Run(problem, written.path, dt, values, interval, diverged=diverged)
 
 
 def _finite_part(written: Written) -> tuple[Written, Diverged | None]:
@@ -433,7 +414,7 @@ def _check_order(written: Written) -> None:
     if back.any():
         sample = int(np.argmax(back)) + 1
         raise bad_value(
-            written.where(sample, None, None),
+            written.where(sample),
             f"t = {written.times[sample]:.9g} after t = {written.times[sample - 1]:.9g}",
             "times in increasing order, each once",
             "sort the samples, write each once, and write t with all digits",
@@ -474,7 +455,7 @@ def _check_spacing(
     if wrong.any():
         i = int(np.argmax(wrong))
         raise bad_value(
-            written.where(i + 1, None, None),
+            written.where(i + 1),
             f"a time {gaps[i]:.6g} after the previous one",
             f"equal intervals, here {usual[i]:.6g}; only one that ends at a sample time may "
             "be shorter",
@@ -523,23 +504,20 @@ def for_each_file(paths: Sequence[Path], work: Callable[[int], T]) -> list[T]:
             allowed = f"a file that can be read ({error.strerror or error})"
             faults.append((path, complaint("file", str(path), allowed, "check the disk")))
     if faults:
-        raise InputError(_each_once(faults))
+        raise InputError([*_each_once(faults)])
     return made
 
 
-def _each_once(faults: Sequence[tuple[Path, str]]) -> list[str]:
+def _each_once(faults: Sequence[tuple[Path, str]]) -> Iterator[str]:
     """Complaints about files; those that differ by numbers alone are one, which names all files.
 
     Arguments:
         faults: the path of a file and the complaint, in the order of the files.
     """
-    alike: dict[str, list[tuple[Path, str]]] = {}
+    alike: dict[str, tuple[str, list[Path]]] = {}
     for path, line in faults:
         same = _ANY_NUMBER.sub("#", line.replace(str(path), ""))
-        alike.setdefault(same, []).append((path, line))
-    return [_together([path for path, _ in each], each[0][1]) for each in alike.values()]
-
-
-def _together(paths: Sequence[Path], line: str) -> str:
-    others = list(dict.fromkeys(path.name for path in paths[1:] if path != paths[0]))
-    return f"{line} So in {listed(others)}." if others else line
+        alike.setdefault(same, (line, []))[1].append(path)
+    for line, paths in alike.values():
+        others = [*dict.fromkeys(path.name for path in paths if path != paths[0])]
+        yield f"{line} So in {listed(others)}." if others else line
