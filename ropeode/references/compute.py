@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import functools
+from collections import deque
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
+from concurrent.futures import Future
+from typing import Any, Literal, Unpack, overload
 
 import numpy as np
 
@@ -22,11 +24,10 @@ from ropeode.references.options import (
 )
 from ropeode.references.reference import Reference
 from ropeode.references.solvers.solution import Solution
-from ropeode.threads import cores
+from ropeode.threads import cores, threads
 from ropeode.validation import check_kind, check_whole, complaint
 
-if TYPE_CHECKING:
-    from ropeode.references.ensemble import Outcome
+Outcome = Reference | ReferenceRefused
 
 
 @overload
@@ -140,9 +141,9 @@ def each_reference(
     A reference takes no memory after the caller has dropped it, so that an ensemble may be large.
 
     The primary solver runs on as many threads as there are processors; each member's states are
-    the same as those of `reference`, to the last bit. The independent solver solves many
-    members side by side; see `references.solvers.dop853`. SciPy's solver replaces it, as in
-    `reference`, for stiff members, for members with jump times, and where it fails.
+    the same as those of `reference`, to the last bit. The independent solver is compiled once for
+    all members; see `references.solvers.dop853`. SciPy's solver replaces it, as in `reference`, for
+    stiff members, for members with jump times, and for right-hand sides in Python.
 
     Arguments:
         ensemble: what to solve.
@@ -235,15 +236,30 @@ def solved_again(
 def _each(
     ensemble: Ensemble, options: ReferenceOptions, workers: int, progress: Progress
 ) -> Iterator[Outcome]:
-    # Not above: a command that finds its reference in the cache folder needs no solver.
-    from ropeode.references.ensemble import or_refused, side_by_side
-
     check_kind("ensemble", ensemble, Ensemble, "Ensemble.of")
     ensemble.first.require_equations()
-    if options.level == "consensus":
-        return side_by_side(ensemble, options, workers, progress)
-    solve = functools.partial(_reference, options=options, progress=progress)
-    return (or_refused(solve, member) for member in ensemble)
+    return _in_threads(ensemble, options, 1 if options.level == "extended" else workers, progress)
+
+
+def _in_threads(
+    ensemble: Ensemble, options: ReferenceOptions, workers: int, progress: Progress
+) -> Iterator[Outcome]:
+    def solve(index: int) -> Outcome:
+        try:
+            return _reference(ensemble[index], options, silent, one_of_many=True)
+        except ReferenceRefused as refused:
+            return refused
+
+    total = len(ensemble)
+    running: deque[Future[Outcome]] = deque()
+    with threads(workers) as pool:
+        # One more than there are threads, so that none waits for the caller.
+        for index in range(total + workers):
+            if index < total:
+                running.append(pool.submit(solve, index))
+            if (done := index - workers) >= 0:
+                progress(f"references: {done} of {total}", done / total)
+                yield running.popleft().result()
 
 
 def reference_and_runs(
@@ -270,7 +286,7 @@ def reference_and_runs(
 
 
 def _reference(
-    problem: Problem, options: ReferenceOptions, progress: Progress, **seen: Any
+    problem: Problem, options: ReferenceOptions, progress: Progress, **more: Any
 ) -> Reference:
     # Of the ladder, of the witnesses, and of the differences between them.
     require_memory(problem, copies=6)
@@ -283,4 +299,4 @@ def _reference(
             return extended_reference(problem, options, progress)
         from ropeode.references.consensus import consensus_reference
 
-        return consensus_reference(problem, options, progress, **seen)
+        return consensus_reference(problem, options, progress, **more)
