@@ -30,7 +30,7 @@ LEAVES = {
         "written_precision",
         "laboratory": "messages scenes",
         "problems": "links nested_jaxprs rope",
-        "references": "defect extended.taylor extended.translate solvers.rounding",
+        "references": "defect extended.taylor extended.translate solvers.dop853 solvers.rounding",
         "render": "plots.overlaps",
         "study": "error_constant pareto",
         "tableaus": "rooted_trees stages",

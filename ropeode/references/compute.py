@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import functools
-from collections import deque
 from collections.abc import Iterator
-from concurrent.futures import Future
-from typing import Any, Literal, Unpack, overload
+from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
 
 import numpy as np
 
@@ -24,10 +22,11 @@ from ropeode.references.options import (
 )
 from ropeode.references.reference import Reference
 from ropeode.references.solvers.solution import Solution
-from ropeode.threads import cores, threads
+from ropeode.threads import cores
 from ropeode.validation import check_kind, check_whole, complaint
 
-Outcome = Reference | ReferenceRefused
+if TYPE_CHECKING:
+    from ropeode.references.ensemble import Outcome
 
 
 @overload
@@ -141,9 +140,9 @@ def each_reference(
     A reference takes no memory after the caller has dropped it, so that an ensemble may be large.
 
     The primary solver runs on as many threads as there are processors; each member's states are
-    the same as those of `reference`, to the last bit. The independent solver is compiled once for
-    all members; see `references.solvers.dop853`. SciPy's solver replaces it, as in `reference`, for
-    stiff members, for members with jump times, and for right-hand sides in Python.
+    the same as those of `reference`, to the last bit. The independent solver solves many
+    members side by side; see `references.solvers.dop853`. SciPy's solver replaces it, as in
+    `reference`, for stiff members, for members with jump times, and where it fails.
 
     Arguments:
         ensemble: what to solve.
@@ -236,30 +235,15 @@ def solved_again(
 def _each(
     ensemble: Ensemble, options: ReferenceOptions, workers: int, progress: Progress
 ) -> Iterator[Outcome]:
+    # Not above: a command that finds its reference in the cache folder needs no solver.
+    from ropeode.references.ensemble import or_refused, side_by_side
+
     check_kind("ensemble", ensemble, Ensemble, "Ensemble.of")
     ensemble.first.require_equations()
-    return _in_threads(ensemble, options, 1 if options.level == "extended" else workers, progress)
-
-
-def _in_threads(
-    ensemble: Ensemble, options: ReferenceOptions, workers: int, progress: Progress
-) -> Iterator[Outcome]:
-    def solve(index: int) -> Outcome:
-        try:
-            return _reference(ensemble[index], options, silent, one_of_many=True)
-        except ReferenceRefused as refused:
-            return refused
-
-    total = len(ensemble)
-    running: deque[Future[Outcome]] = deque()
-    with threads(workers) as pool:
-        # One more than there are threads, so that none waits for the caller.
-        for index in range(total + workers):
-            if index < total:
-                running.append(pool.submit(solve, index))
-            if (done := index - workers) >= 0:
-                progress(f"references: {done} of {total}", done / total)
-                yield running.popleft().result()
+    if options.level == "consensus":
+        return side_by_side(ensemble, options, workers, progress)
+    solve = functools.partial(_reference, options=options, progress=progress)
+    return (or_refused(solve, member) for member in ensemble)
 
 
 def reference_and_runs(
@@ -286,7 +270,7 @@ def reference_and_runs(
 
 
 def _reference(
-    problem: Problem, options: ReferenceOptions, progress: Progress, **more: Any
+    problem: Problem, options: ReferenceOptions, progress: Progress, **seen: Any
 ) -> Reference:
     # Of the ladder, of the witnesses, and of the differences between them.
     require_memory(problem, copies=6)
@@ -299,4 +283,4 @@ def _reference(
             return extended_reference(problem, options, progress)
         from ropeode.references.consensus import consensus_reference
 
-        return consensus_reference(problem, options, progress, **more)
+        return consensus_reference(problem, options, progress, **seen)

@@ -95,11 +95,6 @@ class Comparison:
         """All runs, without their states."""
         return [*self.rungs, *self.others]
 
-    @property
-    def more_packages(self) -> list[str]:
-        """Those that took part besides the usual ones."""
-        return ["heyoka"] if any(w.role == "more digits" for w in self.witnesses) else []
-
     def add(self, role: Role, run: Solution) -> None:
         """Compare a run."""
         self.seen(role, run)
@@ -117,12 +112,7 @@ def _unseen(role: Role | Literal["reference"], run: Solution) -> None:
 
 
 def consensus_reference(
-    problem: Problem,
-    options: ReferenceOptions,
-    progress: Progress,
-    *,
-    seen: Seen = _unseen,
-    one_of_many: bool = False,
+    problem: Problem, options: ReferenceOptions, progress: Progress, seen: Seen = _unseen
 ) -> Reference:
     """A reference of level `consensus`, as `ropeode.reference` describes it and raises.
 
@@ -131,23 +121,24 @@ def consensus_reference(
         options: of the reference.
         progress: called before each run, with what it is.
         seen: called after each run, with its role.
-        one_of_many: whether other problems have the same programs: what is compiled for this one
-            alone is left out.
     """
-    primary = _primary_runs(problem, options, progress, seen)
-    solved, method, run, budget = primary.solved, primary.method, primary.run, primary.budget
-    independent = solve_independent(solved, method, primary.next_tighter, run, budget, one_of_many)
-    primary.add("independent", independent)
+    primary = primary_runs(problem, options, progress, seen)
+    independent, beyond = independent_run(primary), None
     # Taylor series are an explicit method.
-    if method is EXPLICIT_SOLVERS and not one_of_many:
-        beyond = solve_beyond_float64(problem, solved, run, budget)
-        if beyond is not None:
-            primary.add("more digits", beyond)
-    return _certified(primary, independent, options)
+    if primary.method is EXPLICIT_SOLVERS:
+        beyond = solve_beyond_float64(problem, primary.solved, primary.run, primary.budget)
+    return certified(primary, independent, options, beyond)
 
 
-def _primary_runs(
-    problem: Problem, options: ReferenceOptions, progress: Progress, seen: Seen
+def independent_run(primary: Comparison) -> Solution:
+    """The run of another library's solver, as far as the primary ones went."""
+    return solve_independent(
+        primary.solved, primary.method, primary.next_tighter, primary.run, primary.budget
+    )
+
+
+def primary_runs(
+    problem: Problem, options: ReferenceOptions, progress: Progress, seen: Seen = _unseen
 ) -> Comparison:
     """Run the primary solver on its ladder, from a neighbouring state, and with short steps.
 
@@ -187,18 +178,27 @@ def _primary_runs(
     return compared
 
 
-def _certified(primary: Comparison, independent: Solution, options: ReferenceOptions) -> Reference:
+def certified(
+    primary: Comparison,
+    independent: Solution,
+    options: ReferenceOptions,
+    beyond: Solution | None = None,
+) -> Reference:
     """The reference with its certificate.
 
     Arguments:
-        primary: all runs.
-        independent: that of another solver, with its steps.
+        primary: the runs of the primary solver.
+        independent: that of another one.
         options: of the reference.
+        beyond: a run with more digits, if there is one.
 
     Raises:
         ReferenceRefused: not even the first sample can be trusted; says why.
     """
     problem, run, witnesses = primary.problem, primary.run, primary.witnesses
+    primary.add("independent", independent)
+    if beyond is not None:
+        primary.add("more digits", beyond)
     drift = problem.drift(run.states)
     estimated = primary.bounds(drift)
     bound, accuracy = estimated[problem.quantities[0]], options.accuracy
@@ -272,7 +272,7 @@ def _certified(primary: Comparison, independent: Solution, options: ReferenceOpt
             stiff=primary.method is not EXPLICIT_SOLVERS,
             seconds=sum(each.seconds for each in primary.every),
             compile_seconds=sum(each.compile_seconds for each in primary.every),
-            versions=versions(*_PACKAGES, *primary.more_packages),
+            versions=versions(*_PACKAGES, *(["heyoka"] if beyond else [])),
             sampling=findings.sampling,
         ),
     )

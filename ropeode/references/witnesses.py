@@ -150,23 +150,16 @@ def independent_rtol(method: Method, tightest: Solution) -> float:
 
 
 def solve_independent(
-    problem: Problem,
-    method: Method,
-    tightest: Solution,
-    looser: Solution,
-    budget: Budget,
-    one_of_many: bool,
+    problem: Problem, method: Method, tightest: Solution, looser: Solution, budget: Budget
 ) -> Solution:
     """The SciPy solver at `independent_rtol`; at the tolerance of `looser` if it gets stuck.
 
-    Where it would take many steps, each with a dozen calls from Python, or where one program serves
-    many problems, the same method is compiled.
+    Where it would take many steps, each with a dozen calls from Python, the same method is
+    compiled.
     """
-    compiles = method is EXPLICIT_SOLVERS and not problem.jump_times and not problem.in_python
-    compiled = compiles and (one_of_many or tightest.steps > _MOST_STEPS_IN_PYTHON)
-    solver = OWN_DOP853 if compiled else method.independent
     tries = (independent_rtol(method, tightest), tightest), (looser.rtol, looser)
     for rtol, like in tries:
+        solver = OWN_DOP853 if is_long(problem, method, tightest) else method.independent
         budget.progress(f"reference: {solver} at {rtol:.0e}", None)
         limits = {"max_steps": independent_steps(like), "seconds": budget.left}
         run = solve(problem, solver, rtol, rtol * budget.scale, **limits)
@@ -194,6 +187,12 @@ def rough_path(problem: Problem, method: Method, budget: Budget) -> Path | None:
     tolerances = _ROUGH, _ROUGH * budget.scale
     limits = {"max_steps": _ROUGH_STEPS, "seconds": budget.left}
     return solve(problem, method.independent, *tolerances, **limits).path
+
+
+def is_long(problem: Problem, method: Method, like: Solution) -> bool:
+    """Whether a run of SciPy's solver in Python, with as many steps as another, takes long."""
+    compiles = not problem.jump_times and not problem.in_python
+    return method is EXPLICIT_SOLVERS and compiles and like.steps > _MOST_STEPS_IN_PYTHON
 
 
 def solve_closely(

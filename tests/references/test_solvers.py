@@ -16,6 +16,7 @@ from ropeode.references import (
     SCIPY_RADAU,
     solve,
 )
+from ropeode.references.solvers.dop853 import solve as solve_side_by_side
 from tests.references.scalar_problems import scalar
 from tests.sampled import sampled
 
@@ -77,16 +78,55 @@ def test_times_with_few_digits_left_do_not_stop_a_run(frame):
         np.testing.assert_allclose(run.states[:, 0], exact, rtol=1e-8)
 
 
+# Many problems side by side.
+
+
 def swing(t, y, args):
     return jnp.stack([y[1], -args * jnp.sin(y[0])])
 
 
-def test_the_compiled_solver_is_scipys_but_for_its_first_step():
-    for k in range(3):
-        problem = Problem(swing, [0.1 + 0.7 * k, 0.0], np.linspace(0.0, 5.0, 6), 1.0 + k)
-        runs = [
-            solve(problem, each, 1e-10, 1e-10, max_steps=1000)
-            for each in (OWN_DOP853, SCIPY_DOP853)
-        ]
-        assert abs(runs[0].steps - runs[1].steps) <= 3
-        np.testing.assert_allclose(runs[0].states, runs[1].states, rtol=0, atol=1e-9)
+def pendulums(count):
+    ts = np.linspace(0.0, 5.0, 6)
+    return [Problem(swing, [0.1 + 2.0 * k / count, 0.0], ts, 1.0 + k) for k in range(count)]
+
+
+def side_by_side(problems, rtols, max_steps=500):
+    atols = [rtol * problem.scale for rtol, problem in zip(rtols, problems, strict=True)]
+    return solve_side_by_side(problems, rtols, atols, max_steps=[max_steps] * len(problems))
+
+
+def test_it_is_scipys_method_but_for_rounding():
+    problems = pendulums(7)
+    for problem, run in zip(problems, side_by_side(problems, [1e-10] * 7), strict=True):
+        scipys = solve(problem, SCIPY_DOP853, 1e-10, 1e-10 * problem.scale, max_steps=1000)
+        assert run.failure is None
+        assert run.steps == scipys.steps
+        # Rounding of each step, grown by no more than a few.
+        np.testing.assert_allclose(run.states, scipys.states, rtol=0, atol=1e-13 * problem.scale)
+
+
+def test_lanes_do_not_feel_each_other():
+    """More problems than lanes, so that those that wait take the places of those that end."""
+    many = 140
+    problems, rtols = pendulums(many), np.logspace(-12, -4, many)
+
+    def states(order):
+        runs = side_by_side([problems[k] for k in order], rtols[order])
+        return {k: (run.states.tobytes(), run.steps) for k, run in zip(order, runs, strict=True)}
+
+    whole = states(list(range(many)))
+    assert states(np.random.default_rng(1).permutation(many).tolist()) == whole
+    for k in (0, many // 2, many - 1):
+        assert states([k]) == {k: whole[k]}
+
+
+def test_what_fails_says_where_and_holds_up_nobody():
+    # y' = a y^2, with y = y0/(1 - a y0 t), which has a pole.
+    problems = [scalar("square", 1.0, np.linspace(0.0, 2.0, 6), a) for a in (0.3, 0.75, -1.0)]
+    limits = [1000, 10**5, 3]
+    fine, pole, short = solve_side_by_side(problems, [1e-10] * 3, [1e-10] * 3, max_steps=limits)
+    assert fine.failure is None
+    assert "t = 1.33" in str(pole.failure)
+    assert len(pole.states) == 4
+    assert "3 steps did not suffice" in str(short.failure)
+    assert short.steps == 3

@@ -23,13 +23,13 @@ def solve(
         rtol: relative tolerance.
         atol: absolute tolerance: one number, or an array of the state's shape.
         more: limits and options of `diffrax_solver.solve`, `scipy_solver.solve` or
-            `dop853.solve`.
+            `compiled_dop853.solve`.
     """
     if solver.library == "diffrax":
         return diffrax_solver.solve(problem, solver, rtol, atol, **more)
     # Not above: a reference from a file needs no solver, and importing SciPy's takes long.
-    from ropeode.references.solvers import dop853, scipy_solver
+    from ropeode.references.solvers import compiled_dop853, scipy_solver
 
     if solver == OWN_DOP853:
-        return dop853.solve(problem, rtol, atol, **more)
+        return compiled_dop853.solve(problem, rtol, atol, **more)
     return scipy_solver.solve(problem, solver, rtol, atol, **more)

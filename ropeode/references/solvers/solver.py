@@ -46,7 +46,7 @@ SCIPY_RADAU = Solver("SciPy", "Radau")
 SCIPY_BDF = Solver("SciPy", "BDF")
 # Implicit solvers factor dense matrices up to so many unknowns, and sparse ones above.
 MOST_DENSE = 300
-# For many steps, or many problems; see `ropeode.references.solvers.dop853`.
+# Many problems side by side; see `ropeode.references.solvers.dop853`.
 OWN_DOP853 = Solver("ropeode", "DOP853")
 
 
