@@ -20,21 +20,28 @@ from tests.time_limit import HANGS_AFTER_S
 def test_a_small_system_is_not_computed_on_a_gpu(small_rope, same_jax_settings, monkeypatch):
     """Each operation of a step would wait longer for a GPU than it takes a processor."""
     devices = []
+    compiled = jax.stages.Lowered.compile
 
-    def rhs(t, y, args):
+    def watched(*args, **named):
         devices.append(jax.config.jax_default_device)  # pyright: ignore
-        return small_rope.rhs(t, y, args)
+        return compiled(*args, **named)
+
+    def solve(factor):
+        # Another right-hand side each time, which is compiled anew.
+        def rhs(t, y, args):
+            return factor * small_rope.rhs(t, y, args)
+
+        del devices[:]
+        reference(dataclasses.replace(small_rope, rhs=rhs, mechanics=None))
 
     jax.config.update("jax_platforms", None)
-    problem = dataclasses.replace(small_rope, rhs=rhs)
-    del devices[:]
+    monkeypatch.setattr(jax.stages.Lowered, "compile", watched)
     monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
-    reference(problem)
+    solve(0.9)
     assert {device.platform for device in devices} == {"cpu"}
     other = jax.devices()[-1]
-    del devices[:]
     with jax.default_device(other):
-        reference(problem)
+        solve(0.8)
     assert {*devices} == {other}
 
 
