@@ -45,6 +45,9 @@ class Intervals(NamedTuple):
 
 def intervals(problem: Problem) -> Intervals:
     """The intervals that a run of a problem divides into equal steps."""
+    if not problem.jump_times:
+        every = np.arange(problem.frames + 1)
+        return Intervals(problem.ts, frame_lengths(problem), every[:-1] == 0, every)
     ts, jumps, near = problem.ts, np.array(problem.jump_times), _rounding(problem)
     jumps = jumps[np.diff(jumps, prepend=-np.inf) > near]
     sample = ts[np.argmin(np.abs(jumps[:, None] - ts), axis=1)]

@@ -24,7 +24,7 @@ from ropeode.problems import (
     without_memory,
 )
 from ropeode.progress import Progress, bar, shows_progress
-from ropeode.simulation.jumps import intervals, sides
+from ropeode.simulation.jumps import Intervals, intervals, sides
 from ropeode.simulation.layout import Layout
 from ropeode.simulation.method import Family, Method, method_of
 from ropeode.simulation.program import Program, program
@@ -115,7 +115,7 @@ def simulate(
     method = method_of(stepper, given)
     own = Numbers(given.y0[..., None], jax.tree.map(lambda leaf: leaf[..., None], given.args))
     longest = check_longest(time_limit)
-    job = _Job(Ensemble.of([given]), method, steps, Layout(1, None), 1, longest)
+    job = _Job(Ensemble.of([given]), intervals(given), method, steps, Layout(1, None), 1, longest)
     with without_memory(given, _MOST_CALLS):
         return job.trajectories(0, own, progress)[0]
 
@@ -163,7 +163,8 @@ def simulate_chunks(
     block = (first.frames + 1) * first.y0.nbytes * layout.lanes
     # As many as fill a chunk, unless that would leave a core idle.
     blocks = min(max(_CHUNK // block, 1), _MOST_BLOCKS, -(-needed // count))
-    job = _Job(ensemble, method, steps, layout, blocks, check_longest(time_limit))
+    longest = check_longest(time_limit)
+    job = _Job(ensemble, intervals(first), method, steps, layout, blocks, longest)
     return job.in_chunks(count, progress)
 
 
@@ -193,6 +194,7 @@ class _Job(NamedTuple):
     """
 
     ensemble: Ensemble
+    course: Intervals
     method: Method
     steps: int
     layout: Layout
@@ -239,9 +241,8 @@ class _Job(NamedTuple):
             states, reached, said = self._segments(made, y0, args, members, progress)
             seconds = time.perf_counter() - started
             frames, finite = _ends(states, reached)
-            course = intervals(self.ensemble.first)
-            run = course.samples[frames]
-            starts = np.cumsum(course.fresh)[run - 1]
+            run = self.course.samples[frames]
+            starts = np.cumsum(self.course.fresh)[run - 1]
             calls, jacobians = made.calls(self.steps, starts, run, said.jacobians)
         else:
             started, made = time.perf_counter(), None
@@ -285,8 +286,7 @@ class _Job(NamedTuple):
         """Raises:
         InputError: the run would take too long, as some of its first steps show.
         """
-        first, count = self.ensemble.first, self.layout.blocks(members)
-        times, lengths, *_ = intervals(first)
+        (times, lengths, *_), count = self.course, self.layout.blocks(members)
         total, steps, start = self.steps * len(lengths), _FEWEST_STEPS, times[0]
         needed = TimeNeeded(self.longest, self.steps, len(lengths))
         while steps < _SHARE * total and not needed.known:
@@ -322,7 +322,7 @@ class _Job(NamedTuple):
     ) -> tuple[np.ndarray, np.ndarray, Iterations]:
         """States of the members, the last frame that the block of each was taken to, and more."""
         first, count = self.ensemble.first, self.layout.blocks(members)
-        times, lengths, fresh, samples = intervals(first)
+        times, lengths, fresh, samples = self.course
         starts = np.append(np.flatnonzero(fresh), len(lengths))
         states = np.full((count, len(times), *y0.shape[1:]), np.nan)
         states[:, 0] = y0[:count]

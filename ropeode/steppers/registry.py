@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 from types import ModuleType
 from typing import get_args, get_type_hints
@@ -92,6 +93,8 @@ def variants(cls: type[BuiltIn]) -> list[BuiltIn]:
     ]
 
 
+# The annotations of a class take longer to read than a short run.
+@functools.lru_cache(maxsize=256)
 def registered_stepper(text: str) -> BuiltIn:
     """A stepper from its name with options, as in ``stormer-verlet:start=rest,damping=lagged``.
 
