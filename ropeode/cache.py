@@ -221,8 +221,11 @@ def _loaded(contents: bytes) -> _Compiled:
     return _Compiled(call, known["facts"], alone=True)
 
 
-def described(value: Any) -> str:
+def described(value: Any) -> str | None:
     """What a value is; two of the same description compute the same, if the software is the same.
+
+    None where there is something else in it than is named here, such as a function of the user's:
+    what that reads, ropeode cannot know.
 
     Functions and classes are described by their names, and these are ropeode's own, whose text is
     part of the software.
@@ -230,10 +233,14 @@ def described(value: Any) -> str:
     Arguments:
         value: numbers, texts, arrays and functions of ropeode, in tuples, mappings and dataclasses
             of ropeode. Of dataclasses those fields count by which they are compared.
-
-    Raises:
-        TypeError: there is something else in it, such as a function of the user's.
     """
+    try:
+        return _words(value)
+    except TypeError:
+        return None
+
+
+def _words(value: Any) -> str:
     if type(value) in _PLAIN:
         return repr(value)
     if isinstance(value, np.ndarray) and not value.dtype.hasobject:
@@ -255,7 +262,7 @@ def described(value: Any) -> str:
 
 
 def _listed(values: Iterable[Any]) -> str:
-    return ", ".join(map(described, values))
+    return ", ".join(map(_words, values))
 
 
 def _name_of(own: Any) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -152,7 +151,10 @@ class _Still:
     def __init__(self, problem: Problem):
         problem.require_equations()
         mechanics = problem.require_mechanics("problem")
-        self._of, self._derivative = _compiled(mechanics.acceleration, problem.constraints)
+        self._of, self._derivative = (
+            compiled(make, mechanics.acceleration, problem.constraints)
+            for make in (_still, _slopes)
+        )
         self._problem = problem
         self._x0 = problem.y0[0]
         self.free = free_coordinates(problem)
@@ -198,14 +200,19 @@ class _Still:
         return np.real(np.linalg.eigvals(allowed.T @ self.stiffness(free) @ allowed))
 
 
-@functools.lru_cache(maxsize=64)
-def _compiled(acceleration: Acceleration, constraints: Any) -> tuple[Callable, Callable]:
+def _still(acceleration: Acceleration, constraints: Any) -> Callable:
+    """The acceleration at rest, and by how much constraints on positions are missed."""
+
     def still(t: Any, x: Any, args: Any) -> Any:
         v = jnp.zeros_like(x)
         off = {} if constraints is None else constraints(t, jnp.stack([x, v]), args)
         return acceleration(t, x, v, args), off.get("position", jnp.zeros(0))
 
-    return jax.jit(still), jax.jit(jax.jacfwd(still, argnums=1))
+    return still
+
+
+def _slopes(acceleration: Acceleration, constraints: Any) -> Callable:
+    return jax.jacfwd(_still(acceleration, constraints), argnums=1)
 
 
 def _sunk(at: _Still, start: np.ndarray) -> np.ndarray:

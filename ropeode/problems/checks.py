@@ -11,7 +11,7 @@ import numpy as np
 from ropeode.arrays import float64_only, real_array
 from ropeode.errors import RopeodeError, UserCodeError
 from ropeode.precision import in_float64
-from ropeode.problems.functions import evaluated_once, traced
+from ropeode.problems.functions import compiled, traced
 from ropeode.problems.signatures import check_signature
 from ropeode.problems.traced import Traced
 from ropeode.validation import bad_value, finite_numbers, not_traced, shortly
@@ -127,7 +127,7 @@ def acceleration(function: Any, t: np.float64, x: np.ndarray, v: np.ndarray, arg
 
 
 def _tried(name: str, signature: str, function: Any, like: np.ndarray, inputs: tuple) -> Callable:
-    function, result = _traced(name, signature, function, inputs, evaluated_once)
+    function, result = _traced(name, signature, function, inputs, _evaluated)
     if getattr(result, "shape", None) != like.shape:
         what = getattr(result, "shape", type(result).__name__)
         raise bad_value(
@@ -144,7 +144,7 @@ def _tried(name: str, signature: str, function: Any, like: np.ndarray, inputs: t
             "remove casts and 32-bit constants; compute with the dtype of the arguments",
         )
     shape_alone = isinstance(result, jax.ShapeDtypeStruct)
-    value = np.asarray(evaluated_once(function, *inputs) if shape_alone else result)
+    value = np.asarray(_evaluated(function, *inputs) if shape_alone else result)
     if not np.all(np.isfinite(value)):
         raise bad_value(
             f"{name} result",
@@ -224,6 +224,10 @@ def links(function: Any, x: np.ndarray, node_axis: int, args: Any) -> Callable:
             "give one length for each pair of neighbours",
         )
     return function
+
+
+def _evaluated(function: Callable, *inputs: Any) -> Any:
+    return compiled(function)(*inputs)
 
 
 def _called(function: Callable, *inputs: Any) -> Any:

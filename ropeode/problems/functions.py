@@ -26,37 +26,58 @@ def traced(name: str, function: Callable, inputs: tuple) -> Callable:
     return Traced(name, getattr(function, "function", function), inputs)
 
 
-@functools.lru_cache(maxsize=64)
-def compiled(function: Callable) -> Callable:
-    """A function compiled by JAX, once for all that are equal."""
-    return jax.jit(function)
-
-
-@functools.lru_cache(maxsize=64)
-def for_each_state(function: Callable) -> Callable:
-    """``function(t, y, args)``, compiled for many times and states at once."""
-    return jax.jit(jax.vmap(function, in_axes=(0, 0, None)))
-
-
-def evaluated_once(function: Callable, *inputs: Any) -> Any:
-    """The array that a function returns.
+@functools.lru_cache(maxsize=256)
+def compiled(function: Callable, *of: Any) -> Callable:
+    """A function compiled by JAX, or what it makes of others, once for all that are equal.
 
     Commands find the programs of the library's functions in their cache folder, and trace nothing.
+
+    Arguments:
+        function: returns an array, or a tuple of some.
+        of: if any are given, `function` makes of these what is compiled.
+
+    Returns:
+        It takes what the compiled function takes.
     """
-    leaves, tree = jax.tree.flatten(inputs)
-    shapes = tuple(jax.ShapeDtypeStruct(np.shape(leaf), np.result_type(leaf)) for leaf in leaves)
-    kept = _kept(function, tree, shapes) if cache.is_used() else None
-    return compiled(function)(*inputs) if kept is None else kept(*inputs)[0]
+    jitted = jax.jit(function(*of) if of else function)
+    programs: dict[tuple, Callable] = {}
+
+    def call(*inputs: Any) -> Any:
+        if not cache.is_used():
+            return jitted(*inputs)
+        leaves, tree = jax.tree.flatten(inputs)
+        shapes = tuple(
+            jax.ShapeDtypeStruct(np.shape(leaf), np.result_type(leaf)) for leaf in leaves
+        )
+        key = tree, shapes, jax.config.jax_enable_x64  # type: ignore[attr-defined]
+        if key not in programs:
+            programs[key] = _kept((function, *of), jax.tree.unflatten(tree, shapes)) or jitted
+        return programs[key](*inputs)
+
+    return call
 
 
-@functools.lru_cache(maxsize=64)
-def _kept(function: Callable, tree: Any, leaves: tuple) -> Callable | None:
-    inputs = jax.tree.unflatten(tree, leaves)
-    try:
-        description = described(("value", function, inputs))
-    except TypeError:
+def _kept(functions: tuple, inputs: tuple) -> Callable | None:
+    """The program in the cache folder; None of functions that are not the library's."""
+    if (description := described(("value", functions, inputs))) is None:
         return None
-    return cache.program(description, lambda: Source(function, inputs))[0]
+    function, *of = functions
+    run, _ = cache.program(description, lambda: Source(function(*of) if of else function, inputs))
+
+    def call(*inputs: Any) -> Any:
+        found = run(*inputs)
+        return found if len(found) > 1 else found[0]
+
+    return call
+
+
+def for_each_state(function: Callable) -> Callable:
+    """``function(t, y, args)``, compiled for many times and states at once."""
+    return compiled(_for_each_state, function)
+
+
+def _for_each_state(function: Callable) -> Callable:
+    return jax.vmap(function, in_axes=(0, 0, None))
 
 
 def _never_changes(function: Callable) -> bool:

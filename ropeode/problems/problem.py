@@ -19,7 +19,7 @@ from ropeode.errors import InputError
 from ropeode.json_form import json_shows
 from ropeode.precision import in_float64, rhs_in_float64
 from ropeode.problems import checks
-from ropeode.problems.functions import evaluated_once, for_each_state
+from ropeode.problems.functions import compiled, for_each_state
 from ropeode.problems.links import LinearDamping, Links
 from ropeode.problems.no_equations import NoEquations
 from ropeode.problems.python_rhs import PythonRhs
@@ -708,7 +708,7 @@ def _trials(
     """The acceleration at rest, and a few velocities with the acceleration at each of them."""
 
     def at(v: np.ndarray) -> np.ndarray:
-        return np.asarray(evaluated_once(acceleration, ts[0], x0, v, args))
+        return np.asarray(compiled(acceleration)(ts[0], x0, v, args))
 
     # Not symmetric in any way, and of the problem's size.
     draw = np.random.default_rng(20).normal(size=(3, *v0.shape))

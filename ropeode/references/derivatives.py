@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -11,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ropeode.precision import in_float64
-from ropeode.problems import Problem
+from ropeode.problems import Problem, compiled
 
 _BLOCK = 128
 
@@ -33,7 +32,7 @@ def time_derivatives(
     """
     count = 1 if problem.in_python else count
     behind = np.where(np.isin(times, problem.jump_times), np.nextafter(times, np.inf), times)
-    slopes = _slopes(problem.rhs, count)
+    slopes = compiled(_slopes, problem.rhs, count)
     blocks = []
     for first in range(0, len(times), _BLOCK):
         # The last state fills the block up, so that one compilation serves all.
@@ -43,7 +42,6 @@ def time_derivatives(
     return np.concatenate([states[:, None], np.concatenate(blocks)], axis=1)
 
 
-@functools.lru_cache(maxsize=16)
 def _slopes(rhs: Callable, count: int) -> Callable:
     def slopes(t: Any, y: Any, args: Any) -> Any:
         t = jnp.asarray(t)
@@ -62,4 +60,4 @@ def _slopes(rhs: Callable, count: int) -> Callable:
             functions.append(along(functions[-1]))
         return jnp.stack([function(t, y) for function in functions])
 
-    return jax.jit(jax.vmap(slopes, in_axes=(0, 0, None)))
+    return jax.vmap(slopes, in_axes=(0, 0, None))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import io
 import json
 from collections.abc import Callable
@@ -34,12 +33,12 @@ def kept_or_computed(
     """
     if not cache.is_used():
         return compute()
-    description = None
-    # What functions read that are not its own, ropeode cannot know.
-    with contextlib.suppress(TypeError):
-        description = f"{described(problem)}\0{options.model_dump()}"
     return cache.kept(
-        "reference", description, compute, _contents, lambda contents: _read(contents, problem)
+        "reference",
+        described((problem, options.model_dump())),
+        compute,
+        _contents,
+        lambda contents: _read(contents, problem),
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import threading
 import time
@@ -138,10 +137,7 @@ def _description(family: Family, capacity: int, blocks: int) -> str | None:
     if not isinstance(stepper, BuiltIn):
         return None
     of_problem = family.rhs, family.mechanics, family.y0, args
-    # What is the user's has no description.
-    with contextlib.suppress(TypeError):
-        return described((stepper, of_problem, family.sides, family.layout, capacity, blocks))
-    return None
+    return described((stepper, of_problem, family.sides, family.layout, capacity, blocks))
 
 
 def _source(family: Family, capacity: int, blocks: int) -> Source:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Unpack
 
@@ -15,7 +14,7 @@ from numpy.typing import ArrayLike
 from ropeode.analysis import RESOLUTION_FACTOR, energy_errors
 from ropeode.display import Tabular
 from ropeode.precision import in_float64
-from ropeode.problems import Problem
+from ropeode.problems import Problem, compiled
 from ropeode.progress import Progress, bar, shows_progress
 from ropeode.references import Asked, Reference, ReferenceOptions, problem_of, reference_for
 from ropeode.steppers import Stepper
@@ -218,12 +217,11 @@ def _slopes(problem: Problem, states: np.ndarray) -> _Slopes:
         looks = max(looks, min(_LOOKS, _NUMBERS // max(1, states[0].size)))
     others = np.random.default_rng(0).uniform(problem.ts[0], problem.ts[-1], looks - count)
     times, which = np.append(problem.ts[:count], others), np.arange(looks) % count
-    found = _compiled(problem.energy, problem.rhs)(times, states[which], problem.args)
+    found = compiled(_slopes_along, problem.energy, problem.rhs)(times, states[which], problem.args)
     return _Slopes(*map(np.asarray, found))
 
 
-@functools.lru_cache(maxsize=16)
-def _compiled(energy: Callable, rhs: Callable) -> Callable:
+def _slopes_along(energy: Callable, rhs: Callable) -> Callable:
     """The fields of `_Slopes`, for many times and states at once."""
 
     def one(t: Any, y: Any, args: Any) -> Any:
@@ -231,4 +229,4 @@ def _compiled(energy: Callable, rhs: Callable) -> Callable:
         rate = by_time + jnp.sum(gradient * rhs(t, y, args))
         return gradient, rate, jnp.abs(value) + jnp.sum(jnp.abs(gradient * y))
 
-    return jax.jit(jax.vmap(one, in_axes=(0, 0, None)))
+    return jax.vmap(one, in_axes=(0, 0, None))

@@ -92,15 +92,17 @@ def _weights(power: int, rungs: int) -> _Weights:
     """The coefficients of ``dt**power`` of the polynomials through neighbours on the ladder."""
     rows, place = [], {}
     for count in range(power + 1, min(power + 1 + _MOST, rungs + 1)):
+        nodes, own = STEP_LADDER[:count], np.zeros(count)
+        for i, node in enumerate(nodes):
+            others = np.delete(nodes, i)
+            # All terms of a coefficient of this product have one sign: nothing cancels.
+            product = np.atleast_1d(np.poly(others))[::-1]
+            own[i] = product[power] / np.prod(node - others)
         for first in range(rungs - count + 1):
-            nodes = STEP_LADDER[first : first + count]
-            row = np.zeros(rungs)
-            for i, node in enumerate(nodes):
-                others = np.delete(nodes, i)
-                # All terms of a coefficient of this product have one sign: nothing cancels.
-                product = np.atleast_1d(np.poly(others))[::-1]
-                row[first + i] = product[power] / np.prod(node - others)
             place[first, count] = len(rows)
+            row = np.zeros(rungs)
+            # The same polynomial in steps that are shorter by one factor.
+            row[first : first + count] = own / STEP_LADDER[first] ** power
             rows.append(row)
     others = [
         [place.get((first + shift, count - fewer), -1) for first, count in place]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -11,7 +10,7 @@ import jax
 import numpy as np
 
 from ropeode.precision import in_float64
-from ropeode.problems import Problem, Rhs, free_coordinates
+from ropeode.problems import Problem, Rhs, compiled, free_coordinates
 from ropeode.simulation import step_size
 from ropeode.theory.growth import StableSteps, stable_steps
 from ropeode.theory.stability_function import StabilityFunction
@@ -105,16 +104,15 @@ def derivative_of_rhs(
     problem: Problem,
 ) -> Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]:
     """The derivative of the right-hand side along tangents, for many times and states."""
-    along, args = _compiled(problem.rhs), problem.args
+    along, args = compiled(_along, problem.rhs), problem.args
     return lambda t, y, tangent: np.asarray(along(t, y, tangent, args))
 
 
-@functools.lru_cache(maxsize=64)
-def _compiled(rhs: Rhs) -> Callable:
+def _along(rhs: Rhs) -> Callable:
     def along(t: Any, y: Any, tangent: Any, args: Any) -> Any:
         return jax.jvp(lambda y: rhs(t, y, args), (y,), (tangent,))[1]
 
-    return jax.jit(jax.vmap(along, in_axes=(0, 0, 0, None)))
+    return jax.vmap(along, in_axes=(0, 0, 0, None))
 
 
 @in_float64

@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ropeode import cache
 from ropeode.precision import in_float64
 from ropeode.problems import Problem, compiled, free_coordinates
 from ropeode.simulation import Method, method_of
@@ -174,6 +175,15 @@ class Setting:
 
     def kept(self, name: str) -> np.ndarray:
         """Which components of a defect the exact solution has not, as far as is known."""
+        return cache.kept(
+            "property",
+            cache.described(("kept", name, self.problem)),
+            lambda: self._kept(name),
+            np.ndarray.tobytes,
+            lambda contents: np.frombuffer(contents, dtype=bool),
+        )
+
+    def _kept(self, name: str) -> np.ndarray:
         if not self._steady or (self.problem.energy is None and name in _OF_ENERGY):
             return np.zeros(1, dtype=bool)
         defects = [self.defect(name, y, *self._exact) for y in self.states]
@@ -206,7 +216,7 @@ class Setting:
 
     def _quantity(self, name: str, y: np.ndarray) -> tuple[np.ndarray, float]:
         """The energy or a momentum of a state, ``(components,)``, and the size of its parts."""
-        energy, p = _compiled_energy(self.problem.energy)[0](
+        energy, p = compiled(_with_momenta, self.problem.energy)(
             self.problem.ts[0], y, self.problem.args
         )
         if name == "energy":
@@ -217,7 +227,7 @@ class Setting:
 
     def form(self, y: np.ndarray) -> np.ndarray:
         """The form ``dx ^ dp`` in the coordinates that can move, ``(2 free, 2 free)``."""
-        half, slopes = y.size // 2, _compiled_energy(self.problem.energy)[1]
+        half, slopes = y.size // 2, compiled(_slopes_of_momenta, self.problem.energy)
         slopes = np.asarray(slopes(self.problem.ts[0], y, self.problem.args)).reshape(half, -1)
         in_x, in_v = slopes[:, :half], slopes[:, half:]
         form = np.block([[in_x - in_x.T, in_v], [-in_v.T, np.zeros((half, half))]])
@@ -349,14 +359,16 @@ def _cross(x: np.ndarray, p: np.ndarray) -> np.ndarray:
     return np.cross(x, p) if x.shape[-1] == 3 else np.zeros((*x.shape[:-1], 0))
 
 
-@functools.lru_cache(maxsize=64)
-def _compiled_energy(energy: Any) -> tuple[Callable, Callable]:
-    """Energy with momenta, and the derivative of the momenta."""
-
+def _momenta(energy: Callable) -> Callable:
     def momenta(t: Any, y: Any, args: Any) -> Any:
         return jax.grad(lambda v: energy(t, jnp.stack([y[0], v]), args))(y[1])
 
-    def both(t: Any, y: Any, args: Any) -> Any:
-        return energy(t, y, args), momenta(t, y, args)
+    return momenta
 
-    return jax.jit(both), jax.jit(jax.jacfwd(momenta, argnums=1))
+
+def _with_momenta(energy: Callable) -> Callable:
+    return lambda t, y, args: (energy(t, y, args), _momenta(energy)(t, y, args))
+
+
+def _slopes_of_momenta(energy: Callable) -> Callable:
+    return jax.jacfwd(_momenta(energy), argnums=1)

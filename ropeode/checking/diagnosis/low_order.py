@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -13,7 +12,7 @@ import numpy as np
 
 from ropeode.checking.report import Diagnosis
 from ropeode.precision import in_float64
-from ropeode.problems import Acceleration
+from ropeode.problems import Acceleration, compiled
 from ropeode.theory import Expansion, projected
 
 # What may be left over of the local error, and how close coefficients must be.
@@ -138,14 +137,13 @@ def _is(value: float | None, other: float) -> bool:
 def _terms(expansion: Expansion) -> tuple[np.ndarray, np.ndarray]:
     """The terms of x'' and of v'' at all states, ``(terms, components)`` each."""
     problem = expansion.problem
-    every = _compiled_terms(problem.require_mechanics("problem").acceleration)
+    every = compiled(_both_terms, problem.require_mechanics("problem").acceleration)
     x, v = expansion.y[:, 0], expansion.y[:, 1]
     of_x, of_v = (np.moveaxis(each, 1, 0) for each in every(expansion.t, x, v, problem.args))
     return of_x.reshape(len(_OF_X), -1), of_v.reshape(len(_OF_V), -1)
 
 
-@functools.lru_cache(maxsize=8)
-def _compiled_terms(acceleration: Acceleration) -> Callable:
+def _both_terms(acceleration: Acceleration) -> Callable:
     """`_OF_X` and `_OF_V` of many states: ``(states, terms, nodes, dim)`` each."""
 
     def terms(t: Any, x: Any, v: Any, args: Any) -> Any:
@@ -158,4 +156,4 @@ def _compiled_terms(acceleration: Acceleration) -> Callable:
         before, own, behind = jnp.einsum("idjk,jk,mij->mid", jacobian, v, moving)
         return jnp.stack([still, a - still]), jnp.stack([by_time, own, before, behind, by_velocity])
 
-    return jax.jit(jax.vmap(terms, in_axes=(0, 0, 0, None)))
+    return jax.vmap(terms, in_axes=(0, 0, 0, None))

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Mapping
 from typing import Any
 
 import jax
 import numpy as np
 
-from ropeode.problems import Problem
+from ropeode.problems import Problem, compiled
 from ropeode.theory import is_rope
 from ropeode.theory.terms import AXES, LAWS, TERMS
 
@@ -79,7 +78,7 @@ class AnyForces:
 
     def __init__(self, problem: Problem, terms: Terms):
         assert problem.mechanics is not None
-        self._problem, self._right = problem, _of_copies(problem.mechanics.acceleration)
+        self._problem, self._right = problem, compiled(_of_copies, problem.mechanics.acceleration)
         self._of = {name: terms[name][:, None, None] for name in ("all", "kept", "old_forces")}
         self.last: np.ndarray | None = None
         self._old: np.ndarray | float = 0.0
@@ -104,9 +103,8 @@ class AnyForces:
         return self.last
 
 
-@functools.lru_cache(maxsize=16)
 def _of_copies(acceleration: Callable) -> Callable:
-    return jax.jit(jax.vmap(acceleration, (None, 0, 0, None)))
+    return jax.vmap(acceleration, (None, 0, 0, None))
 
 
 class Forces:
