@@ -13,7 +13,11 @@ from ropeode.problems.links import LinearDamping, Links, along, impulses
 from ropeode.problems.rope_input import Indices, Numbers, OneOrMany, RopeInput, Velocity
 from ropeode.validation import field
 
-_SMALLEST = float(np.finfo(np.float64).tiny)
+# Of squares of lengths: they may be squared, and divided by.
+_SMALLEST = 1e-150
+# XLA makes one instruction of a division by a root where there is AVX-512. Elsewhere it computes
+# such roots one at a time, and only roots of quotients several at once.
+_DIVIDES_BY_ROOTS: bool = np._core._multiarray_umath.__cpu_features__["AVX512_SKX"]  # type: ignore
 
 
 class Rope(RopeInput):
@@ -111,22 +115,26 @@ def acceleration(t: Any, x: Any, v: Any, args: RopeArgs) -> Any:
     """
     del t
     own = rigid_links(args)
-    d, length = _springs(x, args)
-    tension = args.stiffness * (1.0 - args.rest_length / length)
+    d, square = _springs(x, args)
+    if _DIVIDES_BY_ROOTS:
+        ratio = args.rest_length / jnp.sqrt(square)
+    else:
+        ratio = jnp.sqrt(args.rest_length**2 / square)
+    tension = args.stiffness * (1.0 - ratio)
     return own.acceleration - own.damping.rate * v + impulses(d, tension, own.inverse_mass)
 
 
 def _springs(x: Any, args: RopeArgs) -> tuple[Any, Any]:
-    """The vector along each spring, and its length.
+    """The vector along each spring, and the square of its length.
 
     A spring pulls node a towards node b with ``k (|b - a| - l) (b - a)/|b - a|``. At length
-    zero that has no direction, and the force is defined to be zero. The smallest normal number
-    is added to the length's square, which leaves all lengths above 1e-146 as they are: what is
-    divided by is then never zero, and the derivatives stay finite as well.
+    zero that has no direction, and the force is defined to be zero. A tiny number is added to
+    the length's square, which leaves all lengths above 1e-67 as they are: what is divided by is
+    then never zero, and the derivatives stay finite as well.
     """
     d = along(x, args.free.shape[-1] - args.rest_length.shape[-1])
     # Not `jnp.sum`: XLA stores what it sums over a leading axis, and reads it back.
-    return d, jnp.sqrt(sum((component**2 for component in d), _SMALLEST))
+    return d, sum((component**2 for component in d), _SMALLEST)
 
 
 def linear_damping(args: Any) -> LinearDamping:
@@ -160,8 +168,8 @@ def energy(t: Any, y: Any, args: RopeArgs) -> Any:
         y: state, ``(2, dim, nodes)``.
         args: the rope's numbers.
     """
-    _, length = _springs(y[0], args)
-    springs = 0.5 * jnp.sum(args.stiffness * (length - args.rest_length) ** 2)
+    _, square = _springs(y[0], args)
+    springs = 0.5 * jnp.sum(args.stiffness * (jnp.sqrt(square) - args.rest_length) ** 2)
     return energy_of_nodes(t, y, args) + springs
 
 
