@@ -68,14 +68,16 @@ class Memory:
     """
 
     def __init__(self, function: Any, bound: Any):
-        self._places, self._is_whole = _places(
+        self._places, self._caches, self._is_whole = _places(
             ("attribute self", function), ("bound-argument args", bound)
         )
         self._then = [place.take() for place in self._places]
 
     def restore(self) -> Callable[[], None]:
-        """Put everything back as it was; returns what undoes that."""
+        """Put everything back as it was, with empty caches; returns what undoes that."""
         changed = list(self._changed())
+        for cached in self._caches:
+            cached.cache_clear()
         for place, then, _ in changed:
             place.put(then)
 
@@ -151,8 +153,10 @@ def _same(a: Any, b: Any) -> bool:
     return isinstance(a, set) and a == b
 
 
-def _places(*roots: tuple[str, Any]) -> tuple[list[_Place], bool]:
-    """All places that can be reached from named things, the nearest first; whether it is all."""
+def _places(*roots: tuple[str, Any]) -> tuple[list[_Place], list[Any], bool]:
+    """All places that can be reached from named things, the nearest first; the functions on the
+    way that cache what they return; and whether that is all.
+    """
     found: list[_Place] = []
     # By identity, and alive, so that no other object has that one.
     seen: dict[int, Any] = {}
@@ -170,7 +174,8 @@ def _places(*roots: tuple[str, Any]) -> tuple[list[_Place], bool]:
         own, inner = _looked_into(name, thing)
         found += own
         waiting += inner
-    return found, not waiting and not any(map(_hides, seen.values()))
+    caches = [each for each in seen.values() if isinstance(each, functools._lru_cache_wrapper)]
+    return found, caches, not waiting and not any(map(_hides, seen.values()))
 
 
 def _hides(thing: Any) -> bool:

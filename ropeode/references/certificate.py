@@ -117,7 +117,8 @@ class Certificate(Tabular):
         steps: its number of steps.
         accuracy: the largest bound that is still trusted, in the units of the first quantity.
         bounds: for each quantity the estimated error bound at each sample, in the largest
-            node's norm; it never falls in time. Infinite where a run did not arrive.
+            node's norm; it never falls in time. Infinite where a run did not arrive, and past a
+            horizon where the runs agree and are not believed.
         drift: for each constrained quantity how far each sample is off the problem's
             constraints (for an inextensible rope: its links' lengths, and the rates at which
             these change). Empty for a problem without constraints.
@@ -293,6 +294,25 @@ def trusted_samples(
     if not np.isfinite(bound[enough]):
         return enough, Reason.STOPPED
     return enough, Reason.INACCURATE
+
+
+def unknown_beyond(
+    bounds: Mapping[str, np.ndarray], trusted: int, accuracy: float
+) -> Mapping[str, np.ndarray]:
+    """Bounds that are infinite past the horizon where those of the runs would be small.
+
+    Trust ends at a small bound where all runs may have passed something by.
+
+    Arguments:
+        bounds: of each quantity, estimated from all runs.
+        trusted: how many leading samples are.
+        accuracy: the largest bound of the first quantity that would be trusted.
+    """
+    first = next(iter(bounds.values()))
+    if trusted == len(first) or first[trusted] > accuracy:
+        return bounds
+    inside = np.arange(len(first)) < trusted
+    return {quantity: np.where(inside, series, np.inf) for quantity, series in bounds.items()}
 
 
 def padded(series: np.ndarray, problem: Problem) -> np.ndarray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Literal
 
 import numpy as np
@@ -13,7 +13,6 @@ from ropeode.norms import motion
 from ropeode.problems import Problem
 from ropeode.progress import Progress
 from ropeode.references.certificate import (
-    SAFETY_FACTOR,
     Certificate,
     Reason,
     Role,
@@ -23,6 +22,7 @@ from ropeode.references.certificate import (
     distances,
     padded,
     trusted_samples,
+    unknown_beyond,
     versions,
     witness,
 )
@@ -246,11 +246,7 @@ def certified(
             raise ReferenceRefused(
                 f"no reference for {problem.name!r}: {reason}.", reason, witnesses
             )
-    if reason == Reason.UNSETTLED:
-        estimated = {
-            quantity: _with_looser_runs(series, quantity, witnesses, trusted)
-            for quantity, series in estimated.items()
-        }
+    estimated = unknown_beyond(estimated, trusted, accuracy)
     if trusted < len(problem.ts) and (coarse := coarse_times(problem, run.steps, run.reached)):
         reason = f"{reason}. {coarse.rstrip('.')}"
     return Reference(
@@ -276,18 +272,6 @@ def certified(
             sampling=findings.sampling,
         ),
     )
-
-
-def _with_looser_runs(
-    bound: np.ndarray, quantity: str, witnesses: Sequence[Witness], trusted: int
-) -> np.ndarray:
-    """A bound that beyond the horizon covers what any run says.
-
-    Where the ladder does not settle, nothing says that the looser runs are the less accurate ones.
-    """
-    apart = np.max([w.differences[quantity] for w in witnesses], axis=0)
-    every = np.maximum(bound, np.maximum.accumulate(SAFETY_FACTOR * apart))
-    return np.append(bound[:trusted], every[trusted:])
 
 
 def _first_failure(primary: Comparison) -> str:

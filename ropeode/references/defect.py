@@ -38,7 +38,7 @@ class Findings:
             order.
         widths: about how long it lasts there.
         shares: what it may add to a number of the state, in units of what is negligible.
-        needles: those of the times at which it was seen with few neighbours, if any.
+        needles: whether it was seen there at a few neighbouring times only.
         stops: times at which a run should end its steps, to see it.
         unresolved: by how much a quantity may differ up to each sample because the right-hand side
             changes within a unit in the last place of its arguments; only where it does.
@@ -63,7 +63,9 @@ class Findings:
         """How many samples can still be trusted after a run has looked at what was found.
 
         The bound covers what that run has seen. But where needles were hit by luck, and the
-        solvers did miss them, there may be others that were not hit.
+        solvers did miss them, there may be others that were not hit. They were missed if the runs
+        differ at the end of their frame, and they are large enough: what others may add is
+        expected to be what those add that were hit, each as long as the times are apart.
 
         Arguments:
             ts: sample times.
@@ -74,9 +76,10 @@ class Findings:
         """
         count = len(ts)
         within = bound[:count] <= accuracy
-        if len(self.needles):
-            missed = np.any([apart[q][:count] > before[q][:count] for q in before], axis=0)
-            within &= ~missed | (ts < self.needles[0])
+        missed = np.any([apart[q][:count] > before[q][:count] for q in before], axis=0)
+        frame = np.searchsorted(ts, self.times)
+        needles = np.bincount(frame, np.where(self.needles, self.shares, 0.0), count)
+        within &= ~missed | (needles <= 1.0)
         return int(np.argmin(np.append(within, False)))
 
     def reason(self, start: float, end: float) -> str:
@@ -165,7 +168,7 @@ def look_between(
         times=np.array([place.t for place in places]),
         widths=np.array([place.width for place in places]),
         shares=np.array([place.share for place in places]),
-        needles=np.array([place.t for place in places if place.isolated]),
+        needles=np.array([place.isolated for place in places]),
         stops=np.unique(np.concatenate([[], *(place.stops for place in places)])),
         unresolved=_unresolved(problem, path, found),
     )

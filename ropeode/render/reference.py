@@ -119,7 +119,7 @@ def certificate_claim(certificate: Certificate) -> str:
     )
     return (
         f"Level {certificate.level}: {certificate.solver} at rtol {certificate.rtol:.0e}. "
-        f"Estimated error bound at the end: {bounds}{drift}; {trust_words(certificate)}."
+        f"Estimated error bound inside the horizon: {bounds}{drift}; {trust_words(certificate)}."
     )
 
 

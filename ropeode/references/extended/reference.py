@@ -20,6 +20,7 @@ from ropeode.references.certificate import (
     default_accuracy,
     distances,
     padded,
+    unknown_beyond,
     versions,
 )
 from ropeode.references.consensus import consensus_reference
@@ -141,7 +142,7 @@ def extended_reference(
             atol=0.0,
             steps=solution.fine.steps,
             accuracy=accuracy,
-            bounds=bounds,
+            bounds=unknown_beyond(bounds, trusted, accuracy),
             drift=drift,
             trusted=trusted,
             horizon=float(problem.ts[trusted]) if trusted < len(problem.ts) else None,
