@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from importlib.metadata import version as installed
 from pathlib import Path
@@ -41,6 +42,18 @@ nb_execution_timeout = 300
 nb_execution_raise_on_error = True
 nb_merge_streams = True
 nb_render_markdown_format = "myst"
+
+# In the kernels compiling takes most of the time: they compile quickly, share what they have
+# compiled, and make no program with Equinox's checks, which could not be shared.
+_PROGRAMS = {
+    "JAX_DISABLE_MOST_OPTIMIZATIONS": "true",
+    "JAX_COMPILATION_CACHE_DIR": str(HERE.parent / "build/site-programs"),
+    "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
+    "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",
+    "EQX_ON_ERROR": "off",
+}
+for _name, _value in _PROGRAMS.items():
+    os.environ.setdefault(_name, _value)
 
 # The interface
 autosummary_generate = True

@@ -37,7 +37,12 @@ _STYLE_SHEET = re.compile(r'<link rel="stylesheet" href="([^"]+)">')
 
 
 def page_with_answers(
-    laboratory: Laboratory, link: Mapping[str, Any], progress: Progress, *, checks: bool = True
+    laboratory: Laboratory,
+    link: Mapping[str, Any],
+    progress: Progress,
+    *,
+    checks: bool = True,
+    theory: bool = True,
 ) -> str:
     """The lab as a page that plays without Python.
 
@@ -49,6 +54,7 @@ def page_with_answers(
         link: what the page shows at first, as `setup.link_of` has it.
         progress: called with what is being done and the fraction that is done.
         checks: whether the steppers of the user's own are checked, which takes long.
+        theory: whether the order plot shows predicted errors too, which take as long as the rest.
 
     Returns:
         The text of an HTML file.
@@ -63,7 +69,8 @@ def page_with_answers(
     truth, _ = answer_to(AskTruth(kind="truth", problem=problem), laboratory, beginning)
     assert isinstance(truth, Truth)
     ladder = tuple(link.get("ladder", DEFAULT_LADDER))
-    asks = [*asks_of(laboratory, problem, steppers, ladder, link.get("steps"))]
+    every = asks_of(laboratory, problem, steppers, ladder, link.get("steps"))
+    asks = [ask for ask in every if theory or ask.kind != "theory"]
     if checks:
         asks += checks_of(laboratory)
     answers = recorded(asks, laboratory, part_of(progress, 0.1, 1.0))
