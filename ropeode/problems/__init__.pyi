@@ -37,6 +37,7 @@ from .problem import require_problem as require_problem
 from .python_rhs import PythonRhs as PythonRhs
 from .rope import Rope as Rope
 from .scipy_form import without_memory as without_memory
+from .signatures import positional as positional
 from .signatures import refuse_others as refuse_others
 from .state_structure import StateStructure as StateStructure
 from .traced import callbacks_in as callbacks_in

@@ -25,7 +25,7 @@ from ropeode.steppers import Phase
 def source_of(family: Family, capacity: int, blocks: int) -> Source:
     """What the program of a family is compiled from.
 
-    The numbers of steps, frames and blocks that are run are run-time values.
+    The numbers of steps, and of frames of each block, are run-time values.
 
     Arguments:
         family: of runs.
@@ -35,23 +35,11 @@ def source_of(family: Family, capacity: int, blocks: int) -> Source:
     methods = _Methods(family)
 
     def run(
-        y0: Any,
-        args: Any,
-        ts: Any,
-        lengths: Any,
-        frames: Any,
-        steps: Any,
-        count: Any,
-        fresh: Any,
-        carried: Any,
+        y0: Any, args: Any, ts: Any, lengths: Any, frames: Any, steps: Any, fresh: Any, carried: Any
     ) -> Any:
-        def one_block(block: Any, everything: tuple) -> tuple:
-            *_, carried = everything
-            own = jax.tree.map(lambda leaf: leaf[block], args)
-            new = frames_of(y0[block], own, jax.tree.map(lambda leaf: leaf[block], carried))
-            return jax.tree.map(lambda all, new: all.at[block].set(new), everything, new)
+        def of_block(block: tuple) -> tuple:
+            y0, args, frames, carried = block
 
-        def frames_of(y0: Any, args: Any, carried: Any) -> tuple:
             def steps_of(carried: Any, args: Any, start: Any, dt: Any, steps: Any) -> Any:
                 def one_step(i: Any, carried: Any) -> Any:
                     return positions_last(methods.step(args, start + i * dt, carried, dt), dt > 0)
@@ -84,16 +72,7 @@ def source_of(family: Family, capacity: int, blocks: int) -> Source:
             """Whether a run of the block is still finite."""
             return jnp.any(jnp.all(jnp.isfinite(y).reshape(-1, family.layout.lanes), axis=0))
 
-        if blocks == 1:
-            # Quicker to compile.
-            alone = frames_of(*jax.tree.map(lambda leaf: leaf[0], (y0, args, carried)))
-            return jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], alone)
-        nothing = (
-            jnp.zeros(blocks, jnp.int64),
-            jnp.zeros((blocks, capacity, *y0.shape[1:])),
-            Iterations(*(jnp.zeros((blocks, family.layout.lanes), kind) for kind in (bool, int))),
-        )
-        return jax.lax.fori_loop(0, count, one_block, (*nothing, carried))
+        return jax.lax.map(of_block, (y0, args, frames, carried))
 
     def in_blocks(leaf: Any) -> jax.ShapeDtypeStruct:
         return shape_of((blocks, *leaf.shape), leaf.dtype)
@@ -106,7 +85,7 @@ def source_of(family: Family, capacity: int, blocks: int) -> Source:
         jax.tree.map(in_blocks, methods.args),
         shape_of((capacity + 1,)),
         shape_of((capacity,)),
-        *(whole, whole, whole, truth),
+        *(in_blocks(whole), whole, truth),
         carried,
     )
     shapes = [[leaf.shape, str(leaf.dtype)] for leaf in jax.tree.leaves(carried)]

@@ -39,7 +39,7 @@ class Program:
     def compile(self) -> None:
         """Compile it, where that has not been done.
 
-        The numbers of steps, frames and blocks that are run are run-time values.
+        The numbers of steps, and of frames of each block, are run-time values.
         """
         with self._lock:
             if self._compiled is not None:
@@ -88,9 +88,8 @@ class Program:
             args,
             np.pad(ts, (0, spare)),
             np.pad(lengths, (0, spare), constant_values=1.0),
-            np.int64(len(lengths)),
+            np.where(np.arange(len(y0)) < count, len(lengths), 0),
             np.int64(steps),
-            np.int64(count),
             np.bool_(carried is None),
             self._nothing if carried is None else carried,
         )

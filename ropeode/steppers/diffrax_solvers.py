@@ -18,6 +18,8 @@ from ropeode.steppers.base import ProblemClass, Stepper, System
 from ropeode.steppers.phase import Phase
 from ropeode.validation import bad_value
 
+# What exports solvers, and what these derive from.
+LIBRARY, SOLVER = diffrax, diffrax.AbstractSolver
 # The root finder of implicit solvers that were given none with a tolerance: their own takes it
 # from an adaptive controller, which there is none of here, and VeryChord of diffrax 0.7.2 gives
 # up on every step that its second iteration does not settle (patrick-kidger/diffrax#754).
@@ -134,17 +136,6 @@ class PositionVelocityStepper(DiffraxStepper):
     def split(self, y: Any) -> Any:
         """Positions and velocities."""
         return tuple(y)
-
-
-def solvers() -> dict[str, type]:
-    """All solver classes that diffrax exports, by name."""
-    return {
-        name: each
-        for name, each in sorted(vars(diffrax).items())
-        if inspect.isclass(each)
-        and issubclass(each, diffrax.AbstractSolver)
-        and not name.startswith("Abstract")
-    }
 
 
 def by_object(given: Any) -> DiffraxStepper | None:

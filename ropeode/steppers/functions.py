@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import inspect
 from collections.abc import Callable, Hashable
 from typing import Any, ClassVar
 
@@ -14,7 +13,7 @@ import numpy as np
 from jax.core import Tracer
 
 from ropeode.errors import InputError, RopeodeError, UserCodeError
-from ropeode.problems import StateStructure
+from ropeode.problems import StateStructure, positional
 from ropeode.steppers.base import ProblemClass, Stepper, System
 from ropeode.steppers.phase import Phase
 from ropeode.validation import shortly
@@ -153,7 +152,7 @@ def signature_of(function: Callable) -> type[StepFunction] | None:
 
     Other names of parameters will do, but not the right names in another order.
     """
-    parameters = parameters_of(function)
+    parameters = positional(function) or []
     needed = [each.name for each in parameters if each.default is each.empty]
     names = tuple(each.name for each in parameters)
     for signature in SIGNATURES:
@@ -165,18 +164,6 @@ def signature_of(function: Callable) -> type[StepFunction] | None:
     return None
 
 
-def parameters_of(function: Callable) -> list[inspect.Parameter]:
-    """The positional parameters of a function; none where nobody can tell."""
-    try:
-        return [
-            each
-            for each in inspect.signature(function).parameters.values()
-            if each.kind in (each.POSITIONAL_ONLY, each.POSITIONAL_OR_KEYWORD)
-        ]
-    except (TypeError, ValueError):
-        return []
-
-
 def step_function(function: Callable, label: str) -> StepFunction:
     """A function with one of `SIGNATURES` as a stepper.
 
@@ -185,7 +172,7 @@ def step_function(function: Callable, label: str) -> StepFunction:
     """
     signature = signature_of(function)
     if signature is None:
-        names = ", ".join(each.name for each in parameters_of(function))
+        names = ", ".join(each.name for each in positional(function) or [])
         raise InputError(
             f"step: its parameters are ({names}); allowed: ({', '.join(RhsFunction.PARAMETERS)}), "
             f"which returns the new y, or ({', '.join(AccelerationFunction.PARAMETERS)}), which "

@@ -17,6 +17,8 @@ from ropeode.steppers.base import ProblemClass, Stepper, System
 from ropeode.steppers.phase import Phase
 from ropeode.validation import bad_value
 
+# What exports solvers, and what these derive from.
+LIBRARY, SOLVER = integrate, integrate.OdeSolver
 # Why a solver cannot be graded.
 REFUSED = {
     integrate.BDF: "it chooses among orders 1 to 5, and a step rests on those before it",
@@ -114,17 +116,6 @@ def _jacobian(rhs: Partial, t: Any, flat: Any, args: Any, shape: tuple[int, ...]
         return rhs(t, y.reshape(shape), args).reshape(-1)
 
     return jax.jacfwd(field)(flat)
-
-
-def solvers() -> dict[str, type]:
-    """All solver classes that SciPy exports, by name."""
-    return {
-        name: each
-        for name, each in sorted(vars(integrate).items())
-        if inspect.isclass(each)
-        and issubclass(each, integrate.OdeSolver)
-        and each is not integrate.OdeSolver
-    }
 
 
 def by_object(given: Any) -> ScipyStepper | None:

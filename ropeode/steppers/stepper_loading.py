@@ -195,10 +195,18 @@ def _from_object(what: Any, label: str | None = None) -> Stepper:
 
 
 def library_solvers(library: str) -> dict[str, type]:
-    """All solver classes of a library in `STEPPER_LIBRARIES`, by name."""
-    return _library(library).solvers()
+    """All solver classes that a library in `STEPPER_LIBRARIES` exports, by name."""
+    own = _library(library)
+    return {
+        name: each
+        for name, each in sorted(vars(own.LIBRARY).items())
+        if inspect.isclass(each)
+        and issubclass(each, own.SOLVER)
+        and each is not own.SOLVER
+        and not name.startswith("Abstract")
+    }
 
 
 def _library(name: str) -> Any:
-    """The module for a library: `solvers` by name, and `by_object`, which makes a stepper."""
+    """The module for a library: its module `LIBRARY`, their base `SOLVER`, and `by_object`."""
     return importlib.import_module(STEPPER_LIBRARIES[name])
