@@ -28,7 +28,7 @@ from tabulate import tabulate
 from ropeode import Problem, Rope, each_reference, reference
 from ropeode.norms import distance, norm_for
 from ropeode.problems import Ensemble
-from ropeode.references import DOPRI8, KVAERNO5
+from ropeode.references import DOPRI8, RADAU9
 from ropeode.references.solvers import diffrax_solver
 from ropeode.threads import cores
 
@@ -109,7 +109,7 @@ def main() -> None:
 
     problem = Rope().problem(frames=given.frames)
     known = reference(problem)
-    first = diffrax_solver.solve(problem, KVAERNO5, 1e-6, 1e-4, max_steps=10)
+    first = diffrax_solver.solve(problem, RADAU9, 1e-6, 1e-4, max_steps=10)
     del first
     diffrax_solver._compiled.cache_clear()
     compiled = diffrax_solver.solve(problem, DOPRI8, 1e-6, 1e-4, max_steps=10**6)

@@ -42,6 +42,6 @@ REASONS: dict[tuple[str, str], str] = {
     ("references", "SciPy LSODA (odeint)"): _BETWEEN,
     ("references", "scikit-sundae CVODE BDF"): (
         "A multistep method solves one small system per step, with a Jacobian that it reuses. "
-        "Kvaerno5 solves one for each of its stages, here with a new Jacobian in each iteration."
+        "The primary solver solves several, for all its stages, with a new Jacobian in each step."
     ),
 }

@@ -15,7 +15,7 @@ from scipy.integrate import odeint, solve_ivp
 from against.right_hand_sides import Compiled
 from against.timing import Peers
 from ropeode import Problem
-from ropeode.references import DOPRI8, KVAERNO5
+from ropeode.references import DOPRI8, RADAU9
 from ropeode.references import Solver as ReferenceSolver
 from ropeode.references import solve as solve_with
 
@@ -235,7 +235,7 @@ def families(problem: Problem, *, stiff: bool, peers: Peers) -> list[list[Make]]
     Of a peer's methods the fastest is raced. CVODE with GMRES in place of dense matrices is
     not tried: it was slower in most trials.
     """
-    own = primary(problem, KVAERNO5 if stiff else DOPRI8)
+    own = primary(problem, RADAU9 if stiff else DOPRI8)
     found: list[list[Make]] = [[lambda side: own], [lambda side: lsoda(problem, side)]]
     if stiff:
         peers.leave_out(f"SciPy DOP853 on {problem.name}", "it is explicit, and the problem stiff")

@@ -53,8 +53,8 @@ from .solvers.solution import Solution as Solution
 from .solvers.solution import Stopwatch as Stopwatch
 from .solvers.solution import finite_samples as finite_samples
 from .solvers.solver import DOPRI8 as DOPRI8
-from .solvers.solver import KVAERNO5 as KVAERNO5
 from .solvers.solver import OWN_DOP853 as OWN_DOP853
+from .solvers.solver import RADAU9 as RADAU9
 from .solvers.solver import SCIPY_BDF as SCIPY_BDF
 from .solvers.solver import SCIPY_DOP853 as SCIPY_DOP853
 from .solvers.solver import SCIPY_RADAU as SCIPY_RADAU

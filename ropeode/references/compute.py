@@ -67,8 +67,8 @@ def reference(
     rungs, a run from a neighbouring initial state, a run with steps too short to miss much, two
     whose right-hand side rounds in other directions, SciPy's DOP853, and, where heyoka is installed
     and that is cheap, a run with more digits. A problem for which the explicit solver needs too
-    many steps counts as stiff; diffrax Kvaerno5 and SciPy's Radau solve it instead, or SciPy's BDF
-    and Radau, where there are more than 300 unknowns and the Jacobian is sparse.
+    many steps counts as stiff; Radau IIA of order 9 and SciPy's Radau solve it instead, or SciPy's
+    BDF and Radau, where there are more than 300 unknowns and the Jacobian is sparse.
 
     At the level `extended`, Taylor series (heyoka) solve the problem twice, with as many digits
     as it needs; see `ropeode.references.extended.solution`.

@@ -16,17 +16,17 @@ from ropeode.references.solvers.one_run import solve
 from ropeode.references.solvers.solution import Solution
 from ropeode.references.solvers.solver import (
     DOPRI8,
-    KVAERNO5,
     MOST_DENSE,
+    RADAU9,
     SCIPY_BDF,
     SCIPY_DOP853,
     SCIPY_RADAU,
     Solver,
 )
 
-# A solver of order p needs 10^(1/p) times the steps for one more digit: 1.33 for Dopri8 and
-# 1.58 for Kvaerno5. Where one more digit costs more than this factor, the error estimate has
-# drowned in rounding, and a tighter tolerance gains nothing.
+# A solver whose error estimate is of order p needs 10^(1/p) times the steps for one more digit:
+# 1.33 for Dopri8 and 1.47 for Radau9. Where one more digit costs more than this factor, the error
+# estimate has drowned in rounding, and a tighter tolerance gains nothing.
 _MOST_STEPS_PER_DIGIT = 2.5
 
 # A solver that has needed so many steps counts as the wrong one for a problem.
@@ -40,7 +40,7 @@ _MOST_BYTES_KEPT = 2**28
 _MOST_STEPS = 500_000
 # Of a large problem sooner: its steps take long.
 _MOST_STEPS_IF_LARGE = 10_000
-# Solving equations in each step has to be worth it: Kvaerno5 gets this part of Dopri8's steps.
+# Solving equations in each step has to be worth it: Radau9 gets this part of Dopri8's steps.
 _IMPLICIT_PART = 10
 # A run is steady where the second half of its steps takes it this part of its way, or further.
 _STEADY = 0.25
@@ -98,9 +98,9 @@ class Method:
 
 
 EXPLICIT_SOLVERS = Method(DOPRI8, SCIPY_DOP853, (1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-14))
-IMPLICIT_SOLVERS = Method(KVAERNO5, SCIPY_RADAU, (1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12))
+IMPLICIT_SOLVERS = Method(RADAU9, SCIPY_RADAU, (1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12))
 # For large problems whose Jacobian is sparse. BDF solves one system of the state's size in each
-# step, and Kvaerno5 six; JAX has no sparse factorization.
+# step, and Radau9 three; JAX has no sparse factorization.
 SPARSE = Method(SCIPY_BDF, SCIPY_RADAU, (1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13))
 METHODS = (EXPLICIT_SOLVERS, IMPLICIT_SOLVERS, SPARSE)
 
@@ -131,7 +131,7 @@ def solve_primary(
     """
     budget.progress(f"reference: {method.primary} at {rtol:.0e}", None)
     atol, seconds = rtol * budget.scale, share * budget.left
-    if method.primary.library == "diffrax":
+    if method.primary.runs_in_diffrax:
         more = {"room": budget.samples, **more}
     run = solve(problem, method.primary, rtol, atol, seconds=seconds, **more)
     budget.spent += run.seconds

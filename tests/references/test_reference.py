@@ -17,7 +17,7 @@ from ropeode.norms import NORMS, distance
 from ropeode.problems import PROBLEMS, Ensemble, InextensibleRope, Problem, Rope
 from ropeode.references import (
     DOPRI8,
-    KVAERNO5,
+    RADAU9,
     SCIPY_DOP853,
     SCIPY_RADAU,
     Role,
@@ -122,7 +122,7 @@ def test_stiff_problems_get_implicit_solvers():
     problem = scalar("follows", 0.0, np.linspace(0.0, 3.0, 6), -1e6)
     known = reference(problem)
     assert known.certificate.stiff
-    assert (known.certificate.solver, independent(known)) == (KVAERNO5, [SCIPY_RADAU])
+    assert (known.certificate.solver, independent(known)) == (RADAU9, [SCIPY_RADAU])
     assert_covered(known, np.sin(problem.ts))
     assert known.bound()[-1] < 1e-9
     # A stiff spring keeps the explicit solver.

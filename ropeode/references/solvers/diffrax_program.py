@@ -16,14 +16,13 @@ from typing import Any
 import diffrax
 import jax
 import jax.numpy as jnp
-import optimistix
 from jax import lax
 
+from ropeode.references.solvers import radau
 from ropeode.references.solvers.family import Family
 from ropeode.references.solvers.rounding import change_if_asked
-from ropeode.references.solvers.solver import DOPRI8, KVAERNO5, Solver
+from ropeode.references.solvers.solver import DOPRI8, RADAU9, Solver
 
-_ROOT_RTOL = 1e-9
 # In units in the last place of t: the least length of the first step, and of what the controller
 # asks for later. It asks for ten times a step that a sample time has cut to one unit. Rounding
 # leaves a step of five units as it is when nine tenths of it are tried.
@@ -32,19 +31,6 @@ _FIRST_STEP, _SHORTEST_STEP = 10.0, 8.0
 _REST = 1e-6
 # Plain loops of JAX. diffrax chooses them itself where `ForwardMode` meets a solver of its own.
 _LOOPS = "lax"
-
-
-def _kvaerno5(rtol: Any, atol: Any) -> diffrax.AbstractSolver:
-    """Kvaerno5 with Newton's method, and a new Jacobian in each iteration.
-
-    Its own root finder keeps one Jacobian for a whole step, and rejects step after step where a
-    solution enters a boundary layer: Van der Pol's equation with epsilon = 1e-6 took 4810 steps
-    instead of 290, or did not start at all. Newton's method squares its error, so that rounding
-    never lets it meet a tolerance below `_ROOT_RTOL`; the steps would shrink to nothing.
-    """
-    root_rtol: Any = jnp.maximum(rtol, _ROOT_RTOL)
-    newton = optimistix.Newton(rtol=root_rtol, atol=root_rtol / rtol * atol)
-    return diffrax.Kvaerno5(root_finder=newton, scan_kind=_LOOPS)
 
 
 class _Increment(diffrax.AbstractTerm):
@@ -136,6 +122,48 @@ class _Compensated(diffrax.AbstractAdaptiveSolver):
         return self.solver.func(terms, t0, y0, args)
 
 
+class _Radau(diffrax.AbstractAdaptiveSolver):
+    """Radau IIA; its stages are increments, and it keeps what rounding takes as `_Compensated`.
+
+    Arguments:
+        change: as for `_Compensated`.
+        scale: the absolute tolerance divided by the relative one.
+    """
+
+    change: Callable
+    scale: Any
+
+    interpolation_cls = _Ends
+    term_structure = diffrax.AbstractTerm
+
+    def order(self, terms: Any) -> int:
+        """That of the local error which the estimate measures."""
+        return radau.STAGES + 1
+
+    def init(self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any) -> Any:
+        """Start with nothing lost."""
+        return jnp.zeros_like(y0)
+
+    def step(
+        self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: Any, made_jump: Any
+    ) -> tuple:
+        """One step."""
+        carry = solver_state
+
+        def field(t: Any, z: Any) -> Any:
+            here = y0 + (carry + z)
+            return terms.vf(t, here, args) + self.change(t, here, args)
+
+        jacobian = jax.jacfwd(lambda y: terms.vf(t0, y, args))(y0)
+        increment, error = radau.step(field, jacobian, t0, t1, self.scale + jnp.abs(y0))
+        y1, lost = _two_sum(y0, carry + increment)
+        return y1, error, {"y0": y0, "y1": y1}, lost, diffrax.RESULTS.successful
+
+    def func(self, terms: Any, t0: Any, y0: Any, args: Any) -> Any:
+        """The vector field."""
+        return terms.vf(t0, y0, args)
+
+
 def _two_sum(a: Any, b: Any) -> tuple[Any, Any]:
     """A sum, and what rounding takes from it; see Knuth, The Art of Computer Programming, 4.2.2."""
     total = a + b
@@ -157,9 +185,9 @@ def as_its_library_has_it(name: str) -> Any:
     return OnSamples()
 
 
-SOLVERS: dict[Solver, Callable[[Any, Any], diffrax.AbstractSolver]] = {
-    DOPRI8: lambda rtol, atol: diffrax.Dopri8(scan_kind=_LOOPS),
-    KVAERNO5: _kvaerno5,
+SOLVERS: dict[Solver, Callable[[Any, Any, Callable], diffrax.AbstractSolver]] = {
+    DOPRI8: lambda rtol, atol, change: _Compensated(diffrax.Dopri8(scan_kind=_LOOPS), change),
+    RADAU9: lambda rtol, atol, change: _Radau(change, atol / rtol),
 }
 
 
@@ -275,7 +303,7 @@ def solution_of(family: Family) -> Callable:
         if family.jumps:
             controller = diffrax.ClipStepSizeController(controller, jump_ts=jump_ts)
         if family.compensated:
-            solver: Any = _Compensated(SOLVERS[family.solver](rtol, atol), change)
+            solver: Any = SOLVERS[family.solver](rtol, atol, change)
         else:
             solver = as_its_library_has_it(family.solver.method)
         solution = diffrax.diffeqsolve(

@@ -25,7 +25,7 @@ def solve(
         more: limits and options of `diffrax_solver.solve`, `scipy_solver.solve` or
             `compiled_dop853.solve`.
     """
-    if solver.library == "diffrax":
+    if solver.runs_in_diffrax:
         return diffrax_solver.solve(problem, solver, rtol, atol, **more)
     # Not above: a reference from a file needs no solver, and importing SciPy's takes long.
     from ropeode.references.solvers import compiled_dop853, scipy_solver

@@ -34,19 +34,25 @@ class Solver:
         return cls(library, method, int(bits.removesuffix(" bits")) if bits else None)
 
     @property
+    def runs_in_diffrax(self) -> bool:
+        """Whether one program of diffrax is its whole run."""
+        return self.library == "diffrax" or self == RADAU9
+
+    @property
     def implicit(self) -> bool:
         """Whether it solves equations in each step, and needs a derivative for that."""
-        return self in (KVAERNO5, SCIPY_RADAU, SCIPY_BDF)
+        return self in (RADAU9, SCIPY_RADAU, SCIPY_BDF)
 
 
 DOPRI8 = Solver("diffrax", "Dopri8")
-KVAERNO5 = Solver("diffrax", "Kvaerno5")
 SCIPY_DOP853 = Solver("SciPy", "DOP853")
 SCIPY_RADAU = Solver("SciPy", "Radau")
 SCIPY_BDF = Solver("SciPy", "BDF")
 # Implicit solvers factor dense matrices up to so many unknowns, and sparse ones above.
 MOST_DENSE = 300
 # Many problems side by side; see `ropeode.references.solvers.dop853`.
+# In the loop of diffrax; see `ropeode.references.solvers.radau`.
+RADAU9 = Solver("ropeode", "Radau9")
 OWN_DOP853 = Solver("ropeode", "DOP853")
 
 

@@ -23,11 +23,11 @@ from ropeode.analysis import error_series
 from ropeode.errors import InputError
 from ropeode.problems import PROBLEMS, Problem, Rope
 from ropeode.references import (
-    KVAERNO5,
     SCIPY_RADAU,
     Reference,
     ReferenceOptions,
     Sampling,
+    Solver,
     Witness,
     load_reference,
     reference_for,
@@ -89,7 +89,7 @@ def anything(problem: Problem, reached: int) -> Reference:
     drift = problem.drift(np.stack([problem.y0] * reached))
     certificate = dataclasses.replace(
         known.certificate,
-        solver=KVAERNO5,
+        solver=Solver("diffrax", "Kvaerno5"),
         rtol=1e-11,
         atol=random.exponential(),
         steps=1234,
