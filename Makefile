@@ -1,6 +1,7 @@
 # make table   the accuracy table of the default rope
 # make test    the tests that each change has to pass
 # make test-all  the slow ones too, which guard against rare regressions: before a release
+# make install what all of these need; each installs its own otherwise
 # make check   lint and types, of Python and of the lab's page
 # make references  the stored library again (a quarter of an hour)
 # make recording  what the lab plays while Python starts (a minute)
@@ -24,10 +25,13 @@ PYTEST := $(VENV)/bin/python -m pytest -n auto --dist loadfile
 # Tests start many processes, each of which would compile this package again.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: table test test-all site site-pages lowest check check-page docs references recording pictures figures old-releases audit clean
+.PHONY: install table test test-all site site-pages lowest check check-page docs references recording pictures figures old-releases audit clean
 
 table: $(VENV)/.installed
 	@$(VENV)/bin/ropeode table
+
+# All that the gate needs: targets that run side by side may not call pip at the same time.
+install: $(VENV)/.installed-docs tools/node_modules/.installed
 
 test: $(VENV)/.installed-dev
 	$(PYTEST) -m "not slow"
@@ -35,8 +39,10 @@ test: $(VENV)/.installed-dev
 test-all: $(VENV)/.installed-notebooks
 	$(PYTEST)
 
+# Two at a time, or as many as the make that calls this one has.
 site: $(VENV)/.installed-docs tools/node_modules/.installed
-	@$(MAKE) --no-print-directory --jobs 2 site-pages build/scenes/.made
+	@$(MAKE) --no-print-directory $(if $(filter -j%,$(MAKEFLAGS)),,--jobs 2) \
+	  site-pages build/scenes/.made
 	cp -r build/scenes/lab build/site
 	$(VENV)/bin/python -m pytest -n auto tests/site
 	@echo "The site is at build/site/index.html"
@@ -111,10 +117,10 @@ $(VENV)/.installed-notebooks: pyproject.toml $(VENV)/.installed-dev
 	@$(PIP) install -e '.[notebooks]'
 	@touch $@
 
-$(VENV)/.installed-docs: pyproject.toml $(VENV)/.installed-dev
-	@echo "Installing Sphinx into $(VENV) (once) ..."
-	@$(PIP) install -e '.[docs]'
-	@touch $@
+$(VENV)/.installed-docs: pyproject.toml | $(VENV)/bin/python
+	@echo "Installing ropeode with its development tools and Sphinx into $(VENV) (once) ..."
+	@$(PIP) install -e '.[dev,docs]'
+	@touch $@ $(VENV)/.installed-dev $(VENV)/.installed
 
 # uv, unlike pip, can ask for the lowest versions.
 .venv-lowest/.installed: pyproject.toml $(VENV)/.installed-dev
