@@ -80,14 +80,15 @@ class Program:
             The states at their ends, ``(blocks, capacity, *state)``. What the stepper said of its
             iterations since the start. What the next call goes on from.
         """
-        spare, compiled = self.capacity - len(lengths), self._compiled
+        compiled = self._compiled
         assert compiled is not None
         frames, states, solved, jacobians, *carried = on_user_clock(
             lambda *given: jax.block_until_ready(compiled(*given)),
             y0,
             args,
-            np.pad(ts, (0, spare)),
-            np.pad(lengths, (0, spare), constant_values=1.0),
+            # What follows is not read.
+            np.resize(ts, self.capacity + 1),
+            np.resize(lengths, self.capacity),
             np.where(np.arange(len(y0)) < count, len(lengths), 0),
             np.int64(steps),
             np.bool_(carried is None),
