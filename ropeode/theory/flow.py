@@ -148,18 +148,23 @@ def largest(states: np.ndarray) -> np.ndarray:
 
 
 @functools.cache
+def _legendre() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Nodes on [-1, 1], the Legendre coefficients of values there, and series of derivatives.
+
+    Returns:
+        ``(nodes,)``; ``(degree, node)``; and ``(term, degree)``, of each polynomial from degree 1.
+    """
+    z, weights = np.polynomial.legendre.leggauss(_STAGES)
+    basis = np.polynomial.legendre.legvander(z, _STAGES - 1)
+    coefficients = (2 * np.arange(_STAGES)[:, None] + 1) / 2.0 * basis.T * weights
+    return z, coefficients, np.polynomial.legendre.legder(np.eye(_STAGES)[1:], axis=1).T
+
+
+@functools.cache
 def _collocation() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Nodes on [0, 1], the integrals up to them, and the last three Legendre coefficients."""
-    z, weights = np.polynomial.legendre.leggauss(_STAGES)
-    tail = _legendre_coefficients(z, weights)[-3:]
-    return (z + 1.0) / 2.0, _integrals((z + 1.0) / 2.0), tail
-
-
-def _legendre_coefficients(z: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """From values at the nodes to Legendre coefficients, ``(degree, node)``."""
-    degrees = np.arange(_STAGES)
-    basis = np.polynomial.legendre.legvander(z, _STAGES - 1)
-    return (2 * degrees[:, None] + 1) / 2.0 * basis.T * weights
+    z, coefficients, _ = _legendre()
+    return (z + 1.0) / 2.0, _integrals((z + 1.0) / 2.0), coefficients[-3:]
 
 
 def _integrals(ends: np.ndarray) -> np.ndarray:
@@ -168,9 +173,8 @@ def _integrals(ends: np.ndarray) -> np.ndarray:
     The integral of a Legendre polynomial from -1 to z is ``(z**2 - 1) P_k'(z)/(k (k + 1))``, whose
     first factor is small where the end is: so a short increment is right to rounding of itself.
     """
-    z, weights = np.polynomial.legendre.leggauss(_STAGES)
+    _, coefficients, derivatives = _legendre()
     orders = np.arange(1, _STAGES)
-    derivatives = np.polynomial.legendre.legder(np.eye(_STAGES)[1:], axis=1)
-    slopes = np.polynomial.legendre.legval(2.0 * ends - 1.0, derivatives.T)
+    slopes = np.polynomial.legendre.legval(2.0 * ends - 1.0, derivatives)
     above = -2.0 * ends * (1.0 - ends) * slopes / (orders * (orders + 1))[:, None]
-    return np.vstack([ends, above]).T @ _legendre_coefficients(z, weights)
+    return np.vstack([ends, above]).T @ coefficients

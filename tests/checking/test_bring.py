@@ -176,6 +176,7 @@ def test_a_reference_that_fails_is_computed_by_whoever_asks_next(monkeypatch, sm
     assert reference_of(small_rope) is reference_of(small_rope)
 
 
+@pytest.mark.slow
 def test_a_process_may_end_while_references_are_made_ahead():
     """It was aborted, where a thread was compiling one."""
     code = (

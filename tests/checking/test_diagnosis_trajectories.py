@@ -32,23 +32,20 @@ OTHER_ROPES = [
         "initial velocity along x, of coefficient 1 and there is an additional initial velocity "
         "along y, of coefficient 0.5",
     ),
-    *(
-        pytest.param(*other, marks=slow)
-        for other in (
-            # Too large for steps of a fit that trust its slopes.
-            ("stormer-verlet", PULLED, {}, "the spring force is counted twice"),
-            # What is found is simple as far as the digits allow it.
-            (
-                "semi-implicit-euler",
-                {"damping": 0.0, "gravity": (0.0, -0.7)},
-                PRINTED,
-                "gravity is 30% too small and the damping is left out",
-            ),
-        )
+    # Too large for steps of a fit that trust its slopes.
+    ("stormer-verlet", PULLED, {}, "the spring force is counted twice"),
+    # What is found is simple as far as the digits allow it.
+    (
+        "semi-implicit-euler",
+        {"damping": 0.0, "gravity": (0.0, -0.7)},
+        PRINTED,
+        "gravity is 30% too small and the damping is left out",
     ),
 ]
 
 
+# The fast tests of test_programs.py have wrong parameters too.
+@slow
 @pytest.mark.parametrize(("stepper", "changes", "how", "words"), OTHER_ROPES)
 def test_the_rope_that_was_solved_instead(tmp_path, known, stepper, changes, how, words):
     report = grade(files_of(tmp_path, stepper, changes, **how), known)

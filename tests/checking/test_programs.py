@@ -183,9 +183,8 @@ def test_a_damping_that_is_missing_is_no_tiny_one(tmp_path):
 
 
 # The errors of the second three grow as dt falls.
-@pytest.mark.parametrize(
-    "steps", [pytest.param((32, 64, 128), marks=pytest.mark.slow), (64, 96, 128)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("steps", [(32, 64, 128), (64, 96, 128)])
 def test_lengths_in_single_precision_refute_nothing(tmp_path, steps):
     long = rope_reference(Rope(num_nodes=5, end=(-8e4, 150.0), stiffness=90.0).problem(FRAMES))
     program = Program(long.problem, method=midpoint, single_length=True)
