@@ -31,8 +31,8 @@ from ropeode.validation import bad_value, check_all, check_whole
 _SAME = 1e-9
 # A span is divided into so many frames, and no more than fit into memory.
 _FRAMES, _MOST_FRAMES = 20, 10**8
-# At so many times and states.
-_PROBES = 64
+# At so many times and states; a function that counts is found at a few.
+_PROBES, _FEW = 64, 4
 # A function that counts its calls shows it within so many, unless they take longer than so long.
 _CALLS, _SECONDS = 150, 0.5
 
@@ -115,7 +115,11 @@ def scipy_form(
     memory = Memory(fun, bound)
     if coarse := memory.coarse():
         raise too_coarse("rhs", coarse[0])
-    for (rest, fixed), call in ways:
+    for t, y in probes[:_FEW]:
+        _value_or_none(own, t, y, free)
+    # What it counts may matter later, and a compiled program knows nothing of it.
+    counts = bool(memory.changes())
+    for (rest, fixed), call in () if counts else ways:
         tried = _in_jax(fun, fixed, call)
         agrees = _agrees(tried, rest, probes, expected)
         # It may remember what JAX traced, which means nothing later.

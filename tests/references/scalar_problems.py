@@ -24,6 +24,7 @@ EQUATIONS = {
     "logistic": lambda t, y, number: y * (1 - y),
     "square": lambda t, y, rate: rate * y * y,
     "root": lambda t, y, rate: rate * jnp.sqrt(jnp.abs(y)),
+    "tank": lambda t, y, rate: rate * jnp.sqrt(jnp.maximum(y, 0.0)),
     "root of what is left": lambda t, y, number: jnp.sqrt(1.0 - t) + 0.0 * y,
     # The state rounded to the 24 bits of a float32, by Veltkamp's splitting.
     "24 bits": lambda t, y, rate: -rate * ((2.0**29 + 1) * y - ((2.0**29 + 1) * y - y)),

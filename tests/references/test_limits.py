@@ -39,6 +39,13 @@ def steps_of(known):
     return known.certificate.steps + sum(each.steps for each in known.certificate.witnesses)
 
 
+def test_a_tank_that_runs_empty_is_known_to_the_end():
+    """A Taylor series goes on beyond the end of the root, where the level would rise again."""
+    known = reference(scalar("tank", 1.0, TS, -1.1))
+    assert known.horizon is None
+    assert_covered(known, np.maximum(1.0 - 0.55 * TS, 0.0) ** 2)
+
+
 def test_a_pole_ends_the_horizon_after_few_steps():
     pole = 1 / 1.1
     known = reference(scalar("square", 1.0, TS, 1.1))

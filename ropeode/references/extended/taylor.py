@@ -34,6 +34,8 @@ class ExtendedRun:
         tolerance: relative, of one step.
         states: ``(times, *state)`` at the sample times that were reached, as `heyoka.real`, or
             as `numpy.longdouble` where it has the precision.
+        doubts: at each of these, the sum of how far the steps before are from solving the equation
+            at their ends, times their lengths.
         steps: how many.
         seconds: to run.
         compile_seconds: to translate and compile.
@@ -46,6 +48,7 @@ class ExtendedRun:
     precision: int
     tolerance: float
     states: np.ndarray
+    doubts: np.ndarray
     steps: int
     seconds: float = dataclasses.field(compare=False)
     compile_seconds: float = dataclasses.field(compare=False)
@@ -146,6 +149,7 @@ def solve(
         precision=precision,
         tolerance=tolerance,
         states=states,
+        doubts=np.append(run.doubts, np.full(len(states), run.doubt))[: len(states)],
         steps=run.steps,
         seconds=run.seconds,
         compile_seconds=run.compile_seconds,
@@ -173,11 +177,15 @@ class _Run:
     seconds: float = 0.0
     compile_seconds: float = 0.0
     failure: str | None = None
+    doubt: float = 0.0
 
     def __post_init__(self) -> None:
         y0, shift = self.problem.y0.reshape(-1), self.shift.reshape(-1)
         self.samples = [self._exactly(y0) + self._exactly(shift)]
         self.parts: list[tuple] = []
+        self.doubts: list[float] = []
+        # The slope at the end of the last step by its series, and the step's length.
+        self._arriving: tuple[Any, float] | None = None
 
     def path(self) -> Path:
         """The parts of all steps up to the last sample."""
@@ -215,6 +223,7 @@ class _Run:
         self.compile_seconds += time.perf_counter() - began
 
         began = time.perf_counter()
+        self._arriving = None
         ts, first = self.problem.ts, len(self.samples)
         stops = sorted({end, *self.stops[(self.stops > start) & (self.stops < end)].tolist()})
         steps: list[tuple[float, np.ndarray]] = []
@@ -250,6 +259,9 @@ class _Run:
         reasons: list[str] = []
 
         def each_step(taylor: Any) -> bool:
+            # The defects of a run that is looked into say more.
+            if self.defects is None:
+                self._add_doubt(taylor)
             self._read_off(taylor, target)
             steps.append((float(taylor.time), taylor.state.astype(np.float64)))
             if self.defects:
@@ -267,6 +279,20 @@ class _Run:
             target, max_delta_t=self._number(longest), callback=each_step, write_tc=True
         )
         return reasons[0] if reasons else None
+
+    def _add_doubt(self, taylor: Any) -> None:
+        """Compare the slope at the start of the last step with that at the end of the one before.
+
+        Where a series goes on beyond the end of a root, no choice differs, and no step gets short.
+        """
+        series, length = np.asarray(taylor.tc, dtype=np.float64)[:, 1:], float(taylor.last_h)
+        order = np.arange(1.0, series.shape[1] + 1.0)
+        with np.errstate(all="ignore"):
+            if self._arriving is not None:
+                slope, before = self._arriving
+                self.doubt += before * float(np.max(np.abs(series[:, 0] - slope)))
+            self._arriving = series @ (order * length ** (order - 1.0)), length
+        self.doubts += [self.doubt] * (len(self.samples) - len(self.doubts))
 
     def _read_off(self, taylor: Any, target: Any) -> None:
         """Record the samples inside the last step."""

@@ -44,8 +44,8 @@ def run_beyond_float64(
 
     Returns:
         None where heyoka is not installed, the processor has no such numbers, it would cost more
-        than the other witnesses, the right-hand side cannot be translated, or the run does not
-        get as far as the other one.
+        than the other witnesses, the right-hand side cannot be translated, the run does not get
+        as far as the other one, or all that is between the two it explains by its own steps.
     """
     if importlib.util.find_spec("heyoka") is None or not in_hardware() or problem.in_python:
         return None
@@ -64,7 +64,12 @@ def run_beyond_float64(
         )
     except InputError:
         return None
-    if run.reached < len(like.states):
+    samples = len(like.states)
+    if run.reached < samples:
+        return None
+    apart = np.abs(run.rounded[:samples] - like.states).reshape(samples, -1).max(axis=1)
+    large = apart > like.rtol * problem.scale
+    if np.any(large) and np.all(run.doubts[:samples][large] >= apart[large]):
         return None
     return run.in_float64
 
