@@ -601,6 +601,38 @@ def judged(program: str, *show: str) -> str:
     ).stdout.rstrip()
 
 
+def published() -> str:
+    """What `benchmarks/published.py` found last; nothing is certified here."""
+    rows = json.loads((Path(__file__).parent / "data/published.json").read_text())
+    heads = (
+        "problem",
+        "unknowns",
+        "end values",
+        "solver",
+        "certified to",
+        "bound",
+        "error",
+        "seconds",
+    )
+    cells = [
+        [
+            row["name"],
+            str(row["unknowns"]),
+            "published" if row["published"] else f"two codes, {row['agreed']:.0e} apart",
+            row["solver"],
+            f"{row['accuracy']:.0e}",
+            f"{row['bound']:.0e}",
+            f"{'< ' * (row['error'] < known)}{max(row['error'], known):.0e}",
+            f"{row['runs']:.1f}",
+        ]
+        for row in rows
+        if row["accuracy"]
+        for known in [row.get("agreed", 0.0)]
+    ]
+    refused = [f"- {row['name']}: {row['why']}" for row in rows if not row["accuracy"]]
+    return "\n".join([table(heads, cells, {0, 2, 3}), "", *refused]).rstrip()
+
+
 def predicted_errors() -> str:
     """How many predicted errors the runs confirmed, and each that is further apart."""
     words, _, rows = judged("predicted_errors").partition("\n\n| ")

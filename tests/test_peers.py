@@ -1,9 +1,11 @@
-"""The benchmark against other packages: its equations, and the page that shows its results."""
+"""Benchmarks against other packages and against published values, and pages that show them."""
 
 from __future__ import annotations
 
 import importlib
 import json
+import subprocess
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -37,3 +39,12 @@ def test_the_page_shows_the_stored_results(against):
     stored = json.loads((ROOT / "docs/data/peers.json").read_text())
     for name, table in against.tables.TABLES.items():
         assert table(stored) in page, name
+
+
+@pytest.mark.slow
+def test_a_published_problem_is_certified_in_each_component(tmp_path):
+    out = tmp_path / "rows.json"
+    run = [sys.executable, "benchmarks/published.py", "--out", out, "--only", "DETEST E2"]
+    subprocess.run(run, cwd=ROOT, check=True)
+    (row,) = json.loads(out.read_text())
+    assert row["error"] < row["bound"] < row["accuracy"] == 1e-9
