@@ -9,6 +9,7 @@ than from others shows a threshold.
 from __future__ import annotations
 
 import dataclasses
+import functools
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -73,24 +74,21 @@ class Case:
         part = max(1.0, float(np.max(np.abs(self.away))))
         return min(max(part, 1.0 / small, large / _LARGE) * _TOLERANCE, _MOST)
 
-    def after(self, method: Method, dt: np.ndarray) -> tuple[np.ndarray, int]:
+    def after(self, method: Method, dt: np.ndarray, steps: int) -> np.ndarray:
         """The states after a step, in the usual units, ``(states, sizes, 2, nodes, dim)``.
 
         Arguments:
             method: the stepper.
             dt: step sizes for each state, in the usual units, ``(states, sizes)``.
-
-        Returns:
-            The states, and the number of steps: two if the first is one of another kind.
+            steps: after how many steps.
 
         Raises:
             UserCodeError: the step raised.
         """
         samples = StepSamples(self.units.of(self.rope), method)
-        steps = 2 if samples.may_begin else 1
         t = np.full(len(self.states), self.t)
         states = samples.after(t, self.moved, dt * self.units.time, steps)[:, :, steps]
-        return (states - self._shift) / self.units.state, steps
+        return (states - self._shift) / self.units.state
 
 
 class LocalErrors(NamedTuple):
@@ -121,22 +119,16 @@ def local_errors(case: Case, method: Method, lengths: np.ndarray) -> LocalErrors
     Raises:
         UserCodeError: the step raised.
     """
-    y, args = case.states, case.rope.args
-    fastest = _fastest(y, args)
-    dt = lengths / fastest[:, None]
-    after, steps = case.after(method, dt)
-    off = _longest(after - y[:, None] - _moved(y, args, steps * dt))
-    way = steps * dt[:, :, None, None] * _speeds(y, args, fastest)[:, None]
-    # A state in a unit of time in which the highest rate is one.
-    units = np.stack([np.ones_like(fastest), fastest], axis=1)
-    size = np.max(_longest(y) / units[:, :, None], axis=(1, 2))[:, None] * units
-    left = case.tolerance * size[:, None, :, None] / way
-    errors = np.where(np.isfinite(off), off, np.inf) / way
+    y, steps = case.states, _steps(case.rope, method)
+    exact = _exact(case.rope, y.tobytes(), tuple(lengths.tolist()), steps)
+    off = _longest(case.after(method, exact.dt, steps) - y[:, None] - exact.moved)
+    left = case.tolerance * exact.size[:, None, :, None] / exact.way
+    errors = np.where(np.isfinite(off), off, np.inf) / exact.way
     flat = (*errors.shape[:2], -1)
     errors, left = errors.reshape(flat), left.reshape(flat)
     most = np.argmax(errors / (1.0 + left), axis=2)[..., None]
     errors, left = (np.take_along_axis(each, most, axis=2)[..., 0] for each in (errors, left))
-    return LocalErrors(dt, errors, left, most[..., 0] % y.shape[2])
+    return LocalErrors(exact.dt, errors, left, most[..., 0] % y.shape[2])
 
 
 def why_unknown(error: UserCodeError) -> str:
@@ -148,6 +140,39 @@ def why_unknown(error: UserCodeError) -> str:
     if isinstance(error.__cause__, SystemExit):
         raise error
     return error.problems[0].removeprefix("step: ").split("; allowed")[0]
+
+
+def _steps(rope: Problem, method: Method) -> int:
+    """How many steps are made: two if the first may be one of another kind."""
+    return 2 if StepSamples(rope, method).may_begin else 1
+
+
+class _Exact(NamedTuple):
+    """What is exact of some steps, in the usual units.
+
+    Fields:
+        dt: step sizes, ``(states, sizes)``.
+        moved: how far the solution moves, ``(states, sizes, 2, nodes, dim)``.
+        way: how far each node might go, ``(states, sizes, 2, nodes)``.
+        size: of the state, in a unit of time in which the highest rate is one, ``(states, 2)``.
+    """
+
+    dt: np.ndarray
+    moved: np.ndarray
+    way: np.ndarray
+    size: np.ndarray
+
+
+@functools.lru_cache(maxsize=4)
+def _exact(rope: Problem, states: bytes, lengths: tuple[float, ...], steps: int) -> _Exact:
+    """The same in all units, and so computed once for all of them."""
+    y, args = np.frombuffer(states).reshape(-1, *rope.y0.shape), rope.args
+    fastest = _fastest(y, args)
+    dt = np.array(lengths) / fastest[:, None]
+    way = steps * dt[:, :, None, None] * _speeds(y, args, fastest)[:, None]
+    units = np.stack([np.ones_like(fastest), fastest], axis=1)
+    size = np.max(_longest(y) / units[:, :, None], axis=(1, 2))[:, None] * units
+    return _Exact(dt, _moved(y, args, steps * dt), way, size)
 
 
 def _moved(y: np.ndarray, args: Any, dt: np.ndarray) -> np.ndarray:
