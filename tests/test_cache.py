@@ -13,7 +13,7 @@ import pytest
 
 from ropeode import cache
 from ropeode.cache import Source, described
-from ropeode.problems import InextensibleRope, Problem, Rope
+from ropeode.problems import InextensibleRope, Problem, Rope, compiled
 from ropeode.steppers import RungeKutta4, StormerVerlet, as_stepper
 
 POINT, ARRAY = np.array([0.1, 0.7]), np.array([1.0, 2.0])
@@ -75,6 +75,22 @@ def test_what_is_kept_is_what_was_compiled_and_what_differs_is_not_shared(
         assert program.compiled("one") == [3]
     finally:
         jax.config.update("jax_default_matmul_precision", None)
+
+
+def test_a_problem_computes_the_same_with_and_without_the_folder(cache_folder, monkeypatch):
+    """Values by name, as they come out of a program that is made, found, or not kept."""
+
+    def drift():
+        compiled.cache_clear()
+        found = INEXTENSIBLE.drift(0.9 * INEXTENSIBLE.y0[None])
+        return {name: values.tobytes() for name, values in found.items()}
+
+    made = drift()
+    assert len(made) == 2
+    assert drift() == made
+    assert len([*(cache_folder / "programs").iterdir()]) == 1
+    monkeypatch.setattr(cache, "_folder", None)
+    assert drift() == made
 
 
 # What may be other software: the names of functions, here with a text in their place, of which a

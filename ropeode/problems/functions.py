@@ -33,7 +33,7 @@ def compiled(function: Callable, *of: Any) -> Callable:
     Commands find the programs of the library's functions in their cache folder, and trace nothing.
 
     Arguments:
-        function: returns an array, or a tuple of some.
+        function: returns an array, or arrays in a tuple or by names.
         of: if any are given, `function` makes of these what is compiled.
 
     Returns:
@@ -62,13 +62,15 @@ def _kept(functions: tuple, inputs: tuple) -> Callable | None:
     if (description := described(("value", functions, inputs))) is None:
         return None
     function, *of = functions
-    run, _ = cache.program(description, lambda: Source(function(*of) if of else function, inputs))
 
-    def call(*inputs: Any) -> Any:
-        found = run(*inputs)
-        return found if len(found) > 1 else found[0]
+    def source() -> Source:
+        own = function(*of) if of else function
+        return Source(own, inputs, jax.tree.map(lambda _: 0, jax.eval_shape(own, *inputs)))
 
-    return call
+    run, form = cache.program(description, source)
+    # JSON knows no tuples.
+    result = jax.tree.structure(tuple(form) if isinstance(form, list) else form)
+    return lambda *inputs: result.unflatten(run(*inputs))
 
 
 def for_each_state(function: Callable) -> Callable:
