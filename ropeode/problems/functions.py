@@ -39,7 +39,8 @@ def compiled(function: Callable, *of: Any) -> Callable:
     Returns:
         It takes what the compiled function takes.
     """
-    jitted = jax.jit(function(*of) if of else function)
+    own = function(*of) if of else function
+    jitted = jax.jit(own)
     programs: dict[tuple, Callable] = {}
 
     def call(*inputs: Any) -> Any:
@@ -51,21 +52,21 @@ def compiled(function: Callable, *of: Any) -> Callable:
         )
         key = tree, shapes, jax.config.jax_enable_x64  # type: ignore[attr-defined]
         if key not in programs:
-            programs[key] = _kept((function, *of), jax.tree.unflatten(tree, shapes)) or jitted
+            like = tree.unflatten(shapes)
+            description = described(("value", function, of, like))
+            # What is the user's is not kept.
+            programs[key] = jitted if description is None else _kept(description, own, like)
         return programs[key](*inputs)
 
     return call
 
 
-def _kept(functions: tuple, inputs: tuple) -> Callable | None:
-    """The program in the cache folder; None of functions that are not the library's."""
-    if (description := described(("value", functions, inputs))) is None:
-        return None
-    function, *of = functions
+def _kept(description: str, function: Callable, inputs: tuple) -> Callable:
+    """The program in the cache folder, whose result has the form of the function's."""
 
     def source() -> Source:
-        own = function(*of) if of else function
-        return Source(own, inputs, jax.tree.map(lambda _: 0, jax.eval_shape(own, *inputs)))
+        form = jax.tree.map(lambda _: 0, jax.eval_shape(function, *inputs))
+        return Source(function, inputs, form)
 
     run, form = cache.program(description, source)
     # JSON knows no tuples.
